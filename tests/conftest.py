@@ -201,6 +201,18 @@ def run_lammps(tmp_path, sessions, pytestconfig):
 
 
 @pytest.fixture
+def run_system(run_lammps):
+    """A function that runs lines behind the setup of a System, with its files, and gives the Run;
+    more files and further arguments are those of run_lammps."""
+
+    def run(system, lines, files=None, **how):
+        files = system.files | (files or {})
+        return run_lammps(f"{system.setup}\n{lines}", files=files, **how)
+
+    return run
+
+
+@pytest.fixture
 def refused(run_lammps, tmp_path):
     """A function that runs a script, and asserts that it ends with one error that says this."""
 

@@ -118,13 +118,14 @@ def test_other_changes_are_refused(refused, words, change, says):
     refused(script, says, system.files)
 
 
-def test_a_box_that_was_deformed_is_known(run_lammps):
+def test_a_box_that_was_deformed_is_known(run_system):
     """Locks out the refusal of a box with which the bodies moved, in a run that keeps them."""
     system = mixture(side=3, spacing=2.9, tilt=0.1)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n"
-    script += "fix 1 all nosquish/nve molecule reinit no\n"
-    script += "fix box all deform 1 x erate 0.1 remap x\nrun 50\nunfix box\nrun 50\n"
-    run_lammps(script, files=system.files)
+    run_system(
+        system,
+        f"{SMOOTH}timestep 0.004\nfix 1 all nosquish/nve molecule reinit no\n"
+        f"fix box all deform 1 x erate 0.1 remap x\nrun 50\nunfix box\nrun 50\n",
+    )
 
 
 # the tilts xy and xz pass half a box vector, and fix deform takes other vectors
@@ -182,15 +183,14 @@ def test_image_flags_after_flips(run_lammps, tmp_path, ranks):
 
 
 @pytest.mark.parametrize("words", ["nve molecule", "nvt molecule temp 2 2 2e-1 seed 5"])
-def test_a_fix_that_reads_velocities_at_the_end_of_steps(run_lammps, words):
+def test_a_fix_that_reads_velocities_at_the_end_of_steps(run_system, words):
     """Locks out the pressure of old velocities in fix deform/pressure: the box would depend on how
     often something is printed."""
     system, results = mixture(side=3), []
     for every in 1, 20:
         lines = f"fix 1 all nosquish/{words}\n"
         lines += "fix 2 all deform/pressure 1 x pressure 1.0 0.1\n" + thermo("vol", every)
-        script = f"{system.setup}\ntimestep 0.002\n{lines}run 20\n"
-        results.append(run_lammps(script, files=system.files).thermo[-1]["Volume"])
+        results.append(run_system(system, f"timestep 0.002\n{lines}run 20\n").thermo[-1]["Volume"])
     assert results[0] == results[1]
 
 

@@ -121,14 +121,13 @@ def test_shapes_stay(flow):
 
 
 @pytest.fixture
-def ends(run_lammps, tmp_path):
+def ends(run_system, tmp_path):
     """A function that runs lines with bodies that faces cut, and gives where atoms are and their
     velocities in the last step."""
     system = mixture("solid planar pair single", side=3, spacing=2.2, tilt=0.1)
 
     def run(lines):
-        script = f"{system.setup}\n{SMOOTH}velocity all create 4 9\ntimestep 0.002\n{lines}"
-        log = run_lammps(script, files=system.files).log
+        log = run_system(system, f"{SMOOTH}velocity all create 4 9\ntimestep 0.002\n{lines}").log
         assert "without effect" not in log and "not rigid motion" not in log.rpartition("PART")[2]
         last = (tmp_path / "end").read_text().split("ITEM: ATOMS")[-1]
         return np.loadtxt(last.splitlines()[1:])[:, 3:]

@@ -37,14 +37,17 @@ def of_trajectories(every):
 # ------------------------------------------------------------------ a trajectory
 
 
-def test_reversible(run_lammps, tmp_path):
+def test_reversible(run_system, tmp_path):
     """Locks out a trajectory that does not come back when its momenta are reversed: what makes the
     test of the energy right at any step."""
     system = mixture(side=2, spacing=2.9)
     words = fix_hmc("temp 2 steps 150 seed 7 mix v_none", "mine.Turns")
-    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}"
-    script += f"run 150\n{DUMP.format('middle')}run 150\n{DUMP.format('end')}"
-    run_lammps(script, files=system.files | {"mine.py": MINE})
+    run_system(
+        system,
+        f"{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}run 150\n"
+        f"{DUMP.format('middle')}run 150\n{DUMP.format('end')}",
+        files={"mine.py": MINE},
+    )
     start, middle, end = (
         np.loadtxt(tmp_path / name, skiprows=9)[:, 3:] for name in ("start", "middle", "end")
     )
@@ -56,7 +59,7 @@ def test_reversible(run_lammps, tmp_path):
 @pytest.mark.parametrize(
     ("case", "ranks"), [*product(["box", "tilt", "points", "plane"], [1, 2, 4]), ("box", 8)]
 )
-def test_rejected(run_lammps, tmp_path, case, ranks):
+def test_rejected(run_system, tmp_path, case, ranks):
     """Locks out anything that a rejected trajectory leaves behind: places, image flags, forces,
     energy and pressure are those of before, wherever atoms have come meanwhile, and on whatever
     rank; momenta are reversed. Bodies come further than a rank's part of the box."""
@@ -72,10 +75,14 @@ def test_rejected(run_lammps, tmp_path, case, ranks):
         flat = "fix 2 all enforce2d\n"
     words = fix_hmc(words, "mine.Rejects", group) + flat + thermo("press f_1[1] f_1[7]", 200)
     away_from_faces = f"displace_atoms all move 0.1 0.1 {0.0 if flat else 0.1}\n"
-    script = f"{system.setup}\n{away_from_faces}{SMOOTH}{before}velocity all create 400 9\n"
-    script += "fix push all addforce 0.3 0 0\nfix_modify push energy yes\n"
-    script += f"timestep 0.0015\n{words}{dump_lines(200)}run 400\n"
-    done = run_lammps(script, files=system.files | {"mine.py": MINE}, ranks=ranks)
+    done = run_system(
+        system,
+        f"{away_from_faces}{SMOOTH}{before}velocity all create 400 9\n"
+        f"fix push all addforce 0.3 0 0\nfix_modify push energy yes\ntimestep 0.0015\n"
+        f"{words}{dump_lines(200)}run 400\n",
+        files={"mine.py": MINE},
+        ranks=ranks,
+    )
     start, away, end = read_frames(tmp_path)
     of_start, of_away, of_end = done.thermo
     box = np.diag(system.h)[: 2 if case == "plane" else 3].min()
@@ -111,14 +118,16 @@ def test_rejected_in_a_box_that_grows(run_lammps, tmp_path, ranks):
 
 
 @pytest.mark.parametrize("steps", [1, 10])
-def test_looking_changes_nothing(run_lammps, tmp_path, steps):
+def test_looking_changes_nothing(run_system, tmp_path, steps):
     """Locks out a trajectory that goes on otherwise where something looks at it, and an energy that
     LAMMPS tallies only if something else asks for it."""
     system, ends = mixture(side=3, spacing=2.9), []
     words = fix_hmc(f"temp 2 steps {steps} seed 7 mix v_half")
     for every in (100, 1):
-        script = f"{system.setup}\n{SMOOTH}timestep 0.04\n{words}{of_trajectories(every)}"
-        done = run_lammps(f"{script}run 100\n{DUMP.format('end')}", files=system.files)
+        done = run_system(
+            system,
+            f"{SMOOTH}timestep 0.04\n{words}{of_trajectories(every)}run 100\n{DUMP.format('end')}",
+        )
         ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
     np.testing.assert_array_equal(*ends)
     rows = done.thermo
@@ -132,13 +141,14 @@ def test_looking_changes_nothing(run_lammps, tmp_path, steps):
 # ------------------------------------------------------------------ distributions
 
 
-def test_momenta(run_lammps, tmp_path):
+def test_momenta(run_system, tmp_path):
     """Locks out momenta of a wrong strength for a mass, a moment, a kind of body, and some that
     are not drawn: without forces they stay as they are drawn."""
     system = gas()
     words = fix_hmc("temp 2 steps 5 seed 771")
-    script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 5\n"
-    run_lammps(script + DUMP.format("end"), files=system.files)
+    run_system(
+        system, f"{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 5\n" + DUMP.format("end")
+    )
     mass, momentum, _, along = body_momenta(tmp_path / "end")
     along = along[np.isfinite(along)]
     for numbers in (*(momentum / np.sqrt(2.0 * mass)[:, None]).T, along / sqrt(2.0)):
@@ -146,13 +156,16 @@ def test_momenta(run_lammps, tmp_path):
     assert len(along) > 2 * len(mass)
 
 
-def test_mix(run_lammps, tmp_path):
+def test_mix(run_system, tmp_path):
     """Locks out another share of noise than the one asked for: a trajectory keeps the root of
     1 - mix of the momenta that free bodies have."""
     system = gas()
     words = "variable most equal 0.75\n" + fix_hmc("temp 2 steps 5 seed 771 mix v_most")
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
-    run_lammps(script + DUMP.format("second"), files=system.files)
+    run_system(
+        system,
+        f"{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
+        + DUMP.format("second"),
+    )
     (mass, one, *_), (_, two, *_) = (
         body_momenta(tmp_path / "first"),
         body_momenta(tmp_path / "second"),
@@ -162,15 +175,15 @@ def test_mix(run_lammps, tmp_path):
 
 
 @pytest.mark.parametrize(("mix", "seed"), [("1", 7), ("v_half", 8)])
-def test_orientations(run_lammps, tmp_path, mix, seed):
+def test_orientations(run_system, tmp_path, mix, seed):
     """Locks out a test that lets errors of the step pass, momenta that are not reversed, and a
     state that is not wholly that of before: in a field that pulls two atoms apart, directions have
     Langevin's distribution at a step at which a third of the trajectories is rejected."""
     system = mixture("solid", side=3, temperature=2.0)
     words = fix_hmc(f"temp 2 steps 5 seed {seed} mix {mix}") + of_trajectories(4000)
-    script = f"{system.setup}\n{FREE}{FIELD}{words}timestep 0.6\nrun 100\n"
-    script += f"{dump_lines(20, PLACES)}run 4000\n"
-    rows = run_lammps(script, files=system.files).thermo
+    rows = run_system(
+        system, f"{FREE}{FIELD}{words}timestep 0.6\nrun 100\n{dump_lines(20, PLACES)}run 4000\n"
+    ).thermo
     assert_directions(tmp_path, 27)
     assert 0.5 < rows["f_1[5]"][-1] < 0.8
 
@@ -205,14 +218,13 @@ def test_replicas_with_one_seed(run_lammps, tmp_path):
     assert abs(energies.mean() - mean) < 5 * energies.std() / sqrt(independent)
 
 
-def test_acceptance(run_lammps):
+def test_acceptance(run_system):
     """Locks out a change of the energy that is not that of the trajectory: its exponential is 1 in
     the mean (Creutz, Phys. Rev. D 38, 1228, 1988), and from its mean follows how many trajectories
     are accepted (Gupta et al., Phys. Lett. B 242, 437, 1990)."""
     system = mixture("solid", side=4, spacing=2.4)
     words = fix_hmc("temp 1 steps 10 seed 7") + of_trajectories(10)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.03\n{words}run 9000\n"
-    rows = run_lammps(script, files=system.files).thermo[101:]
+    rows = run_system(system, f"{SMOOTH}timestep 0.03\n{words}run 9000\n").thermo[101:]
     change, accepted = rows["f_1[6]"], rows["f_1[7]"]
     weight, n = np.exp(-change), len(change)
     goal = erfc(sqrt(change.mean()) / 2)
@@ -249,7 +261,7 @@ def test_same_end(run_lammps, tmp_path, kinds):
     np.testing.assert_allclose(accepted, accepted[0], rtol=1e-12)
 
 
-def test_restart_of_a_thermostat(run_lammps):
+def test_restart_of_a_thermostat(run_system):
     """Locks out counts that are what a thermostat has left, and the other way round, and a chain
     that is filled with what another thermostat has left."""
     system = mixture(side=2, spacing=2.9)
@@ -260,52 +272,47 @@ def test_restart_of_a_thermostat(run_lammps):
         (*lines[::-1], "has no state of hybrid Monte Carlo"),
         (lines[1], chain, "this one begins anew"),
     ):
-        script = f"{system.setup}\ntimestep 0.004\n{first}run 10\nwrite_restart middle\nclear\n"
-        script += f"read_restart middle\n{second}run 10\n"
-        assert says in run_lammps(script, files=system.files).log
+        assert (
+            says
+            in run_system(
+                system,
+                f"timestep 0.004\n{first}run 10\nwrite_restart middle\nclear\nread_restart middle\n"
+                f"{second}run 10\n",
+            ).log
+        )
 
 
 # ------------------------------------------------------------------ what is refused
 
 
-def test_a_run_that_is_halted(run_lammps):
-    """Locks out steps without a test and without a word, where another fix ends the run."""
-    system = mixture(side=2)
-    halt = "variable now equal step\nfix 2 all halt 5 v_now >= 15 error continue\n"
-    words = fix_hmc("temp 2 steps 10 seed 5")
-    done = run_lammps(f"{system.setup}\n{words}{halt}run 40\n", files=system.files)
-    assert "WARNING: the run has ended in step 15, within a trajectory" in done.log
-
-
-def test_minimize_is_no_trajectory(run_lammps):
-    """Locks out a minimization that is refused unless its steps are a multiple of a trajectory's,
-    and one that is said to have ended within a trajectory."""
-    system = mixture(side=2)
-    words = fix_hmc("temp 2 steps 10 seed 5")
-    done = run_lammps(f"{system.setup}\n{words}minimize 0 0 5 100\nrun 15\n", files=system.files)
-    assert done.thermo["Step"][-1] == 20
-    assert "within a trajectory" not in done.log
+HALT = "variable now equal step\nfix 2 all halt 5 v_now >= 15 error continue\nrun 40\n"
 
 
 @pytest.mark.parametrize(
-    ("more", "says"),
+    ("lines", "says"),
     [
-        ("thermo 10\n", None),
-        ("thermo 5\n", "LAMMPS writes output in step 5, within a trajectory"),
-        ("thermo 10\nrestart 15 keep\n", "LAMMPS writes output in step 15, within a trajectory"),
+        ("thermo 10\nrun 40\n", None),
+        ("thermo 5\nrun 40\n", "LAMMPS writes output in step 5, within a trajectory"),
         (
-            "thermo 10\nfix 2 all ave/time 1 10 10 c_thermo_pe\n",
+            "thermo 10\nrestart 15 keep\nrun 40\n",
+            "LAMMPS writes output in step 15, within a trajectory",
+        ),
+        (
+            "thermo 10\nfix 2 all ave/time 1 10 10 c_thermo_pe\nrun 40\n",
             "fix 2 (style ave/time) looks every 1 steps, within a trajectory",
         ),
+        (HALT, "WARNING: the run has ended in step 15, within a trajectory"),
+        ("minimize 0 0 5 100\nrun 15\n", None),
     ],
+    ids=["each", "thermo", "restart", "fix", "halt", "minimize"],
 )
-def test_output_within_a_trajectory(run_lammps, more, says):
-    """Locks out averages over configurations that no test has passed, without a word."""
-    system = mixture(side=2)
-    script = f"{system.setup}\n{fix_hmc('temp 2 steps 10 seed 5')}{more}run 40\n"
-    log = run_lammps(script, files=system.files).log
+def test_what_looks_within_a_trajectory(run_system, lines, says):
+    """Locks out averages over configurations that no test has passed, and steps without a test
+    where another fix ends the run, without a word; and a minimization that is refused unless its
+    steps are a multiple of a trajectory's, or that is said to have ended within one."""
+    log = run_system(mixture(side=2), fix_hmc("temp 2 steps 10 seed 5") + lines).log
     assert log.count("of hybrid Monte Carlo: what is there was not tested") == bool(says)
-    assert not says or says in log
+    assert says in log if says else "within a trajectory" not in log
 
 
 def test_others_that_are_harmless(run_lammps):
@@ -333,12 +340,15 @@ print("STEP", lmp.extract_global("ntimestep"))
 """
 
 
-def test_an_error_where_the_energy_is_asked_for(run_lammps, tmp_path):
+def test_an_error_where_the_energy_is_asked_for(run_system, tmp_path):
     """Locks out a step's number that stays another one, where a compute ends the run by an error
     and a Python driver goes on."""
     (tmp_path / "drive.py").write_text(DRIVEN)
     system = mixture(side=2, spacing=2.9)
-    script = f"{system.setup}\n{fix_hmc('temp 300 steps 5 seed 3')}run 5\n"
-    run = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
+    run = run_system(
+        system,
+        f"{fix_hmc('temp 300 steps 5 seed 3')}run 5\n",
+        launcher=[sys.executable, "drive.py"],
+    )
     assert "compute 1_energy is gone" in run.screen
     assert "STEP 6" in run.screen, run.screen

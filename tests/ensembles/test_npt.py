@@ -6,46 +6,27 @@ import sys
 import numpy as np
 import pytest
 
-from support.fixes import NPT_CELL, NPT_THERMOSTATS, fix_npt
+from support.fixes import NPT_THERMOSTATS, fix_npt
 from support.own_classes import TELLS, VIRIAL_LINES, assert_lammps_virial
 from support.sampling import DUMP, FREE, SMOOTH, gas, thermo
 from support.systems import charged, mixture, sizes
 
 
 @pytest.mark.parametrize("words", ["barostat mtk", "compressibility 8"])
-def test_ramp(run_lammps, words):
+def test_ramp(run_system, words):
     """Locks out a pressure that does not go from PSTART to PSTOP over the run, or over the steps
     that run's start and stop name: the volume of a gas follows it."""
     system = gas()
     line = fix_npt("seed 771", f"iso 12e-2 48e-2 2e-1 every 2 {words}") + thermo("vol", 100)
-    script = f"{system.setup}\n{FREE}timestep 0.01\n{line}run 1000\nrun 500 start 0 stop 2000\n"
-    rows = run_lammps(script, files=system.files).thermo
+    rows = run_system(
+        system, f"{FREE}timestep 0.01\n{line}run 1000\nrun 500 start 0 stop 2000\n"
+    ).thermo
     for step, pressure in ((1000, 0.48), (1500, 0.39)):
         result = rows["Volume"][rows["Step"] == step][0 if step == 1000 else -1]
         assert result == pytest.approx(217 * 2.0 / pressure, rel=0.3), step
 
 
-@pytest.mark.parametrize(
-    ("name", "cell"),
-    [
-        ("chains", NPT_CELL),
-        ("langevin", "aniso 12e-2 12e-2 4e-1 couple xz every 2 compressibility 2"),
-        ("chains", "tri 12e-2 12e-2 4e-1 every 1 compressibility 4"),
-    ],
-)
-def test_effective_energy(run_lammps, name, cell):
-    """Locks out a part of the barostat's energy that `econserve` lacks: that of the noise in the
-    forces' work alone makes it rise by k T in PDAMP."""
-    system = mixture(side=3, spacing=2.9, tilt=0.2)
-    cell = cell.replace("2e-1 every 5 compressibility 8", "4e-1 every 1 compressibility 4")
-    words = fix_npt(NPT_THERMOSTATS[name], cell) + thermo("etotal econserve vol", 20)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}run 4000\n"
-    rows = run_lammps(script, files=system.files).thermo
-    assert np.ptp(rows["Volume"]) > 0.05 * rows["Volume"][0]
-    assert rows["Econserve"].std() < 0.01 * rows["TotEng"].std()
-
-
-def test_only_named_axes_change(run_lammps):
+def test_only_named_axes_change(run_system):
     """Locks out an axis that changes and was not named, and coupled axes that part."""
     system = mixture(side=3, tilt=0.3)
     for cell, alike in (
@@ -53,8 +34,7 @@ def test_only_named_axes_change(run_lammps):
         ("aniso 12e-2 12e-2 2e-1 compressibility 8 couple xz", ("Lx", "Lz")),
     ):
         words = fix_npt(NPT_THERMOSTATS["langevin"], cell) + thermo("lx ly lz xy xz yz", 100)
-        script = f"{system.setup}\n{FREE}timestep 0.004\n{words}run 1000\n"
-        rows = run_lammps(script, files=system.files).thermo
+        rows = run_system(system, f"{FREE}timestep 0.004\n{words}run 1000\n").thermo
         scale = {k: rows[k] / rows[k][0] for k in ("Lx", "Ly", "Lz")}
         assert np.ptp(scale["Lx"]) > 1e-2
         if alike:
@@ -66,25 +46,29 @@ def test_only_named_axes_change(run_lammps):
             np.testing.assert_allclose(rows[tilt] / rows[tilt][0], scale[axis], rtol=1e-10)
 
 
-def test_bodies_keep_their_shape(run_lammps, tmp_path):
+def test_bodies_keep_their_shape(run_system, tmp_path):
     """Locks out shapes that are stretched with the box."""
     system = mixture("solid", side=3, spacing=2.9)
     words = fix_npt(NPT_THERMOSTATS["langevin"])
-    script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}"
-    run_lammps(script + f"run 500\n{DUMP.format('end')}", files=system.files)
+    run_system(
+        system,
+        f"{SMOOTH}timestep 0.004\n{words}run 0\n{DUMP.format('start')}run 500\n"
+        f"{DUMP.format('end')}",
+    )
     start, end = (np.loadtxt(tmp_path / name, skiprows=9)[:, 3:6] for name in ("start", "end"))
     gap = sizes(system.molecule, end) - sizes(system.molecule, start)
     assert np.abs(gap).max() < 1e-9
 
 
-def test_forces_that_the_virial_lacks(run_lammps):
+def test_forces_that_the_virial_lacks(run_system):
     """Locks out a box that follows a pressure without what a field does within bodies, and says
     nothing."""
     system = mixture("pair", side=2)
     field = "variable pull atom 5.0*(-1)^id\nfix 2 all addforce v_pull 0 0\n"
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{field}{fix_npt('seed 5')}"
     logged = {
-        words: run_lammps(f"{script}{words}run 10\n", files=system.files).log
+        words: run_system(
+            system, f"{FREE}timestep 0.002\n{field}{fix_npt('seed 5')}{words}run 10\n"
+        ).log
         for words in ("", "fix_modify 2 virial yes\n")
     }
     says = "WARNING: fix 2 (style addforce) changes forces, and the virial lacks these"
@@ -224,15 +208,18 @@ lmp.close()
 """
 
 
-def test_run_that_cannot_begin(run_lammps, tmp_path):
+def test_run_that_cannot_begin(run_system, tmp_path):
     """Locks out energy that was given to the thermostat and is forgotten, or counted twice, when a
     run is refused in a Python session and the next one goes on, bodies of which nothing is told in
     between, and bodies that are gone because atoms were too fast."""
     system = mixture(side=3, spacing=2.9)
     (tmp_path / "drive.py").write_text(FAILS)
     words = fix_npt(NPT_THERMOSTATS["langevin"], "iso 12e-2 12e-2 4e-1 compressibility 4")
-    script = f"{system.setup}\n{SMOOTH}timestep 0.001\n{words}{thermo('ecouple', 10)}"
-    run = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
+    run = run_system(
+        system,
+        f"{SMOOTH}timestep 0.001\n{words}{thermo('ecouple', 10)}",
+        launcher=[sys.executable, "drive.py"],
+    )
     told = re.findall(r"ECOUPLE (\S+) (\S+)", run.screen)
     assert len(told) == 2 and "BODIES 27" in run.screen
     for before, after in told:

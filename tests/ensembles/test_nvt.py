@@ -1,7 +1,6 @@
 """NVT: distributions, decay, conserved energy, reversibility, ranks, restart, what it refuses."""
 
 import re
-import sys
 from math import exp, sqrt
 from zlib import crc32
 
@@ -18,11 +17,11 @@ from support.fixes import POINTS, THERMOSTATS, fix_nvt, fix_nvt_with_points
 from support.sampling import (
     DUMP,
     FREE,
-    REVERSE,
     SMOOTH,
     body_momenta,
     distance_of_ends,
     gas,
+    reverse,
     spreads,
     thermo,
 )
@@ -62,13 +61,14 @@ def test_normal_numbers():
     np.testing.assert_allclose(pairs, long * expected, rtol=0, atol=1e-13)
 
 
-def test_what_is_drawn(run_lammps, tmp_path):
+def test_what_is_drawn(run_system, tmp_path):
     """Locks out compiled numbers that are not those of seed, body and step: a body at rest has
     after one step the velocity that the noise alone gives it."""
     system = mixture(side=2)
     words = fix_nvt(THERMOSTATS["langevin"])
-    script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 1\n"
-    run_lammps(script + DUMP.format("end"), files=system.files)
+    run_system(
+        system, f"{FREE}velocity all set 0 0 0\ntimestep 0.002\n{words}run 1\n" + DUMP.format("end")
+    )
     mass, momentum, *_ = body_momenta(tmp_path / "end")
     expected = []
     for body in range(1, len(mass) + 1):
@@ -84,24 +84,17 @@ def test_what_is_drawn(run_lammps, tmp_path):
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 4])
-def test_the_configurations_part_of_the_shadow_hamiltonian(run_lammps, tmp_path, ranks):
+def test_the_configurations_part_of_the_shadow_hamiltonian(run_system, tmp_path, ranks):
     """Locks out forces of another step than the one that is printed, torques about other axes, a
     body that two ranks count, and another factor: from the atoms' forces, with axes of numpy's."""
-    system = mixture(side=4)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{fix_nvt(THERMOSTATS['csvr'])}"
-    dump = DUMP.format("end").replace("vx vy vz", "fx fy fz")
-    rows = run_lammps(
-        f"{script}{thermo('f_1[5]', 7)}run 7\n{dump}", files=system.files, ranks=ranks
+    accelerations = "".join(f"variable a{k} atom f{k}/mass\n" for k in "xyz")
+    lines = f"{accelerations}{SMOOTH}timestep 0.002\n{fix_nvt(THERMOSTATS['csvr'])}"
+    dump = DUMP.format("end").replace("vx vy vz", "v_ax v_ay v_az")
+    rows = run_system(
+        mixture(side=4), f"{lines}{thermo('f_1[5]', 7)}run 7\n{dump}", ranks=ranks
     ).thermo
-    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
-    expected = 0.0
-    for body in np.unique(atoms[:, 1]):
-        m, x, f = np.split(atoms[atoms[:, 1] == body, 2:], [1, 4], axis=1)
-        x = x - (m * x).sum(axis=0) / m.sum()
-        moments, axes = np.linalg.eigh((m * x**2).sum() * np.eye(3) - (m * x).T @ x)
-        turns = (axes.T @ np.cross(x, f).sum(axis=0)) ** 2
-        solid = moments > 1e-6 * max(moments.max(), 1e-9)
-        expected += (f.sum(axis=0) ** 2).sum() / m.sum() + (turns[solid] / moments[solid]).sum()
+    mass, force, _, along = body_momenta(tmp_path / "end")  # torques over roots of moments
+    expected = (force**2 / mass[:, None]).sum() + np.nansum(along**2)
     assert rows["f_1[5]"][-1] == pytest.approx(0.002**2 / 24 * expected, rel=1e-9)
 
 
@@ -133,38 +126,35 @@ def test_free_bodies_have_the_exact_distribution(run_lammps, tmp_path, name):
             assert 1e-4 < below < 1 - 1e-4, (numbers**2).mean()
 
 
-def test_in_the_plane(run_lammps, tmp_path):
+def test_in_the_plane(run_system, tmp_path):
     """Locks out noise out of the plane, and rotation about another axis than z."""
     system = mixture("planar pair row single", side=10, dimension=2, temperature=0.5)
     words = fix_nvt(THERMOSTATS["langevin"]) + "fix 2 all enforce2d\n"
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n"
-    run_lammps(script + DUMP.format("end"), files=system.files)
-    mass, momentum, turn, _ = body_momenta(tmp_path / "end")
+    run_system(system, f"{FREE}timestep 0.002\n{words}run 60\n" + DUMP.format("end"))
+    mass, momentum, turn, along = body_momenta(tmp_path / "end")
     assert not momentum[:, 2].any()
     assert np.abs(turn[:, :2]).max() < 1e-12
-    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
-    moments = []
-    for body in np.unique(atoms[:, 1]):
-        m, x = atoms[atoms[:, 1] == body, 2], atoms[atoms[:, 1] == body, 3:5]
-        moments.append((m * ((x - m @ x / m.sum()) ** 2).sum(axis=1)).sum())
-    moments = np.array(moments)
-    turns = moments > 1e-6
+    # of one about z, with its sign; without a moment there is none
+    spins = np.sign(turn[:, 2]) * np.linalg.norm(np.nan_to_num(along), axis=1)
     for numbers in (
         *(momentum[:, :2] / np.sqrt(2.0 * mass)[:, None]).T,
-        turn[turns, 2] / np.sqrt(2.0 * moments[turns]),
+        spins[np.isfinite(along).any(axis=1)] / sqrt(2.0),
     ):
         assert stats.kstest(numbers, "norm").pvalue > 1e-3
 
 
 @pytest.mark.parametrize("style", ["", "run_style respa 2 4 pair 2\n"], ids=["verlet", "respa"])
-def test_friction_of_langevin(run_lammps, tmp_path, style):
+def test_friction_of_langevin(run_system, tmp_path, style):
     """Locks out a friction that is not 1 / TDAMP, that of the outer step of run_style respa, or
     another one for rotation: momenta are forgotten as exp(-t / TDAMP).  And draws that repeat
     within a step: free bodies have the temperature."""
     system = gas()
     words = fix_nvt(THERMOSTATS["langevin"], "2 2 2e-2") + thermo("f_1[3] f_1[4]", 60)
-    script = f"{system.setup}\n{FREE}{style}timestep 0.002\n{words}run 60\n{DUMP.format('first')}"
-    rows = run_lammps(f"{script}run 5\n{DUMP.format('second')}", files=system.files).thermo
+    rows = run_system(
+        system,
+        f"{FREE}{style}timestep 0.002\n{words}run 60\n{DUMP.format('first')}run 5\n"
+        f"{DUMP.format('second')}",
+    ).thermo
     for column, axes in ("f_1[3]", 3), ("f_1[4]", 2):
         assert rows[column][1] == pytest.approx(2, rel=5 * sqrt(2 / (axes * 216)))
     one, two = body_momenta(tmp_path / "first"), body_momenta(tmp_path / "second")
@@ -175,13 +165,12 @@ def test_friction_of_langevin(run_lammps, tmp_path, style):
 
 
 @pytest.mark.parametrize(("name", "damping", "every"), [("csvr", "2e-2", 20), ("nh", "1e-1", 50)])
-def test_kinetic_energy_is_canonical(run_lammps, name, damping, every):
+def test_kinetic_energy_is_canonical(run_system, name, damping, every):
     """Locks out a thermostat that keeps the mean and not the distribution, as one that scales to
     the target does, and degrees of freedom that are miscounted: few bodies, with forces."""
     system = mixture(side=2, spacing=2.9)
     words = fix_nvt(THERMOSTATS[name], f"2 2 {damping}") + thermo("f_1[1] f_1[2]", every)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run {1200 * every}\n"
-    rows = run_lammps(script, files=system.files).thermo[200:]
+    rows = run_system(system, f"{SMOOTH}timestep 0.002\n{words}run {1200 * every}\n").thermo[200:]
     energy = rows["f_1[1]"] + rows["f_1[2]"]
     kinds = ["solid", "planar", "pair", "row", "single", "solid", "planar", "pair"]
     degrees = sum({"pair": 5, "row": 5, "single": 3}.get(kind, 6) for kind in kinds) - 3
@@ -216,15 +205,10 @@ def test_effective_energy(run_lammps, name):
 
 
 @pytest.mark.parametrize("name", ["nh", "chains"])
-def test_chains_are_reversible(run_lammps, tmp_path, name):
+def test_chains_are_reversible(run_system, tmp_path, name):
     """Locks out a chain, or a place of it in the step, that is not symmetric in time."""
     system = mixture(side=2, spacing=2.9)
-    words = fix_nvt(THERMOSTATS[name] + " reinit no", "2 2 1e-1")
-    script = f"{system.setup}\n{SMOOTH}timestep 0.002\n{words}run 0\n{DUMP.format('start')}"
-    command = [sys.executable, "-c", REVERSE]
-    run_lammps(script, files=system.files, launcher=command)
-    start, end = (np.loadtxt(tmp_path / one, skiprows=9)[:, 3:6] for one in ("start", "end"))
-    assert np.abs(start - end).max() < 1e-9
+    reverse(run_system, tmp_path, system, fix_nvt(THERMOSTATS[name] + " reinit no", "2 2 1e-1"))
 
 
 HALVES = """
@@ -246,7 +230,7 @@ __getattr__ = of_fix_line(Halves)
 """
 
 
-def test_both_halves_are_one_motion(run_lammps, tmp_path):
+def test_both_halves_are_one_motion(run_system, tmp_path):
     """Locks out a motion that is not the two around the thermostat: of points, linear bodies,
     rotors and such as are held, it is what the splitting says, done letter by letter."""
     system, files = mixture(side=2, spacing=2.9), {"halves.py": HALVES}
@@ -255,8 +239,12 @@ def test_both_halves_are_one_motion(run_lammps, tmp_path):
         words, ends = f"molecule temp 2 2 5e-2 {words} rotor exact", []
         for line in "fix 1 {group} nosquish/nvt {words}", line_of_class("halves.Halves"):
             fix = line.format(group="all", words=words)
-            script = f"{system.setup}\n{SMOOTH}timestep 0.004\n{fix}\nrun 60\n{DUMP.format('end')}"
-            run_lammps(script, files=system.files | files, timeout=280)  # the first one compiles
+            run_system(
+                system,
+                f"{SMOOTH}timestep 0.004\n{fix}\nrun 60\n{DUMP.format('end')}",
+                files=files,
+                timeout=280,
+            )  # the first one compiles
             ends.append(np.loadtxt(tmp_path / "end", skiprows=9)[:, 3:])
         assert np.abs(ends[0] - ends[1]).max() < 1e-9, words
 
@@ -264,13 +252,14 @@ def test_both_halves_are_one_motion(run_lammps, tmp_path):
 # ------------------------------------------------------------------ velocities that atoms have
 
 
-def test_temperature_is_that_of_the_middle(run_lammps):
+def test_temperature_is_that_of_the_middle(run_system):
     """Locks out velocities of the step's end, which are too cold: at a long step the printed
     temperature is the target, and a first run starts with the velocities that atoms have."""
     system = mixture("solid", side=5, spacing=2.4)
     words = fix_nvt("seed 3", "1 1 5e-2") + thermo("f_1[3] f_1[4] f_1", 10)
-    script = f"{system.setup}\n{SMOOTH}velocity all create 1.5 7 loop geom\n{words}timestep 0.012\n"
-    rows = run_lammps(script + "run 6000\n", files=system.files).thermo
+    rows = run_system(
+        system, f"{SMOOTH}velocity all create 1.5 7 loop geom\n{words}timestep 0.012\nrun 6000\n"
+    ).thermo
     assert rows["Temp"][0] == pytest.approx(1.5, rel=0.15)  # as rigid motion, of few bodies
     later = rows[100:]
     assert later["f_1[3]"].mean() == pytest.approx(1.0, abs=0.02)
@@ -282,15 +271,17 @@ RESET = "fix 3 all dt/reset 10 1e-4 2e-3 5e-3 units box\n"
 
 
 @pytest.mark.parametrize("name", ["langevin", "nh"])
-def test_time_step_that_changes(run_lammps, name):
+def test_time_step_that_changes(run_system, name):
     """Locks out velocities and energies of the step's end, or a half kick of another length, in a
     step in which the time step changes: econserve keeps its value there as elsewhere. And bodies
     that go on with the old one."""
     system = mixture(side=3, spacing=2.9)
     words = fix_nvt(THERMOSTATS[name], "2 2 2e-1") + RESET + thermo("dt econserve time v_x", 1)
-    script = f"{system.setup}\n{SMOOTH}timestep 0.002\nvelocity all set 0.3 NULL NULL sum yes\n"
-    script += f"variable x equal xcm(all,x)\n{words}run 100\n"
-    rows = run_lammps(script, files=system.files).thermo
+    rows = run_system(
+        system,
+        f"{SMOOTH}timestep 0.002\nvelocity all set 0.3 NULL NULL sum yes\n"
+        f"variable x equal xcm(all,x)\n{words}run 100\n",
+    ).thermo
     steps = rows["Dt"][1:]
     assert len(np.unique(steps)) > 3
     changed = np.flatnonzero(np.diff(rows["Dt"]))
@@ -306,14 +297,15 @@ def test_time_step_that_changes(run_lammps, name):
 @pytest.mark.parametrize(
     "reset, steps", [("", 10), ("", 55), (RESET, 55)], ids=["last step", "before", "and time step"]
 )
-def test_velocities_that_other_fixes_change(run_lammps, tmp_path, reset, steps, ranks):
+def test_velocities_that_other_fixes_change(run_system, tmp_path, reset, steps, ranks):
     """Locks out velocities that another fix gives atoms at the end of a step, of the last one or of
     one in which the time step changes, too, and that the bodies ignore."""
     system = mixture(side=3, spacing=2.9)
     words = "velocity all set 0.3 NULL NULL sum yes\n" + fix_nvt("seed 3", "2 2 2e3")
     words += reset + "fix 2 all momentum 10 linear 1 1 1\n"
-    script = f"{system.setup}\ntimestep 0.002\n{words}run {steps}\n"
-    log = run_lammps(script + DUMP.format("end"), files=system.files, ranks=ranks).log
+    log = run_system(
+        system, f"timestep 0.002\n{words}run {steps}\n" + DUMP.format("end"), ranks=ranks
+    ).log
     momentum = body_momenta(tmp_path / "end")[1]
     assert "the bodies take them over" in log
     assert abs(momentum.sum(axis=0)[0]) < 1e-2 * np.abs(momentum[:, 0]).sum()
@@ -425,14 +417,13 @@ def test_noise_does_not_repeat_by_pre_no(run_lammps, refused):
     refused(script, "step counter has gone back", system.files)
 
 
-def test_ramp(run_lammps):
+def test_ramp(run_system):
     """Locks out a temperature that does not go from TSTART to TSTOP over the run, or over the steps
     that run's start and stop name."""
     system = gas()
     words = fix_nvt("seed 3", "1 3 4e-3") + thermo("f_1[3]", 50)
     runs = "run 200\nrun 100 start 0 stop 600\nrun 100\n"
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}{runs}"
-    rows = run_lammps(script, files=system.files).thermo
+    rows = run_system(system, f"{FREE}timestep 0.002\n{words}{runs}").thermo
     expected = {200: 3.0, 300: 2.0, 100: 2.0, 350: 2.0, 400: 3.0}
     degrees = 3 * 216
     for step, goal in expected.items():
@@ -443,13 +434,15 @@ def test_ramp(run_lammps):
 # ------------------------------------------------------------------ components that are off
 
 
-def test_components_that_are_off(run_lammps, tmp_path):
+def test_components_that_are_off(run_system, tmp_path):
     """Locks out noise on what keywords force and torque switch off: these components stay."""
     system = mixture("solid", side=3, spacing=2.9)
     words = " force 1*5 off on on torque 6*9 off off off"
-    script = f"{system.setup}\ntimestep 0.002\n{fix_nvt(THERMOSTATS['langevin'] + words)}run 0\n"
-    script += f"{DUMP.format('start')}run 50\n{DUMP.format('end')}"
-    run_lammps(script, files=system.files)
+    run_system(
+        system,
+        f"timestep 0.002\n{fix_nvt(THERMOSTATS['langevin'] + words)}run 0\n"
+        f"{DUMP.format('start')}run 50\n{DUMP.format('end')}",
+    )
     one, two = body_momenta(tmp_path / "start"), body_momenta(tmp_path / "end")
     np.testing.assert_allclose(one[1][:5, 0], two[1][:5, 0], rtol=1e-12)
     np.testing.assert_allclose(one[2][5:9], two[2][5:9], rtol=1e-10)
@@ -457,17 +450,16 @@ def test_components_that_are_off(run_lammps, tmp_path):
     assert np.abs(one[2][9:] - two[2][9:]).max(axis=1).min() > 1e-2
 
 
-def test_degrees_of_freedom_that_are_off(run_lammps):
+def test_degrees_of_freedom_that_are_off(run_system):
     """Locks out a kinetic energy that counts what cannot change: half of the bodies cannot turn,
     and rescaling gives the others their temperature."""
     system = mixture("solid", side=6, spacing=2.9)
     words = THERMOSTATS["csvr"] + " torque 1*108 off off off"
-    script = (
-        f"{system.setup}\n{FREE}velocity all set 0 0 0\n"
-        "velocity all create 2 7 loop geom rot yes\n"
-        f"timestep 0.002\n{fix_nvt(words)}{thermo('f_1[1] f_1[2]', 10)}run 1500\n"
-    )
-    rows = run_lammps(script, files=system.files).thermo
+    rows = run_system(
+        system,
+        f"{FREE}velocity all set 0 0 0\nvelocity all create 2 7 loop geom rot yes\n"
+        f"timestep 0.002\n{fix_nvt(words)}{thermo('f_1[1] f_1[2]', 10)}run 1500\n",
+    ).thermo
     kept = rows["f_1[2]"][0] / 2  # about: the part of those that cannot turn
     goal = 0.5 * 2.0 * (216 * 3 + 108 * 3)
     total = rows["f_1[1]"] + rows["f_1[2]"] - kept
@@ -475,7 +467,7 @@ def test_degrees_of_freedom_that_are_off(run_lammps):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_momentum_that_is_no_heat(run_lammps, ranks):
+def test_momentum_that_is_no_heat(run_system, ranks):
     """Locks out a drift of the whole that is taken as heat without a word, and a word where there
     is none."""
     system = mixture(side=3, spacing=2.9)
@@ -485,8 +477,12 @@ def test_momentum_that_is_no_heat(run_lammps, ranks):
         (drift, "csvr", True), (drift, "langevin", False), ("", "csvr", False), (drift, "nh", True),
     ):  # fmt: skip
         start = "velocity all create 2 7 loop geom mom yes\n" + more
-        script = f"{system.setup}\n{start}{fix_nvt(THERMOSTATS[words], '2 2 2e-1')}run 0\n"
-        assert (said in run_lammps(script, files=system.files, ranks=ranks).log) is warns
+        assert (
+            said
+            in run_system(
+                system, f"{start}{fix_nvt(THERMOSTATS[words], '2 2 2e-1')}run 0\n", ranks=ranks
+            ).log
+        ) is warns
 
 
 def test_momentum_that_others_take(run_lammps):
@@ -537,15 +533,18 @@ def test_noise_of_two_fixes(run_lammps, tmp_path):
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("separate", ["yes", "no"])
 @pytest.mark.parametrize("name", ["csvr", "nh"])
-def test_a_thermostat_waits(run_lammps, name, separate, ranks):
+def test_a_thermostat_waits(run_system, name, separate, ranks):
     """Locks out a run that ends because bodies are at rest, or do not rotate: there a thermostat
     that scales velocities has nothing to do, and the other motion is at its temperature."""
     system = mixture("solid", side=3)
     line = f"molecule temp 2 2 2e-2 {THERMOSTATS[name]} separate {separate}"
-    script = f"{system.setup}\n{FREE}velocity all set 0 0 0\ntimestep 0.002\n"
-    script += f"fix 1 all rigid/nvt/nosquish {line}\n{thermo('f_1[1] f_1[2]', 5)}"
-    script += "run 10\nvelocity all create 2 5\nvelocity all zero angular rigid 1\nrun 600\n"
-    run = run_lammps(script, files=system.files, ranks=ranks)
+    run = run_system(
+        system,
+        f"{FREE}velocity all set 0 0 0\ntimestep 0.002\nfix 1 all rigid/nvt/nosquish {line}\n"
+        f"{thermo('f_1[1] f_1[2]', 5)}run 10\nvelocity all create 2 5\n"
+        f"velocity all zero angular rigid 1\nrun 600\n",
+        ranks=ranks,
+    )
     assert not run.thermo["f_1[1]"][:3].any() and run.thermo["f_1[2]"].max() < 1e-25
     motions = ("translation", "rotation") if separate == "yes" else ("motion",)
     method = {"csvr": csvr.Csvr, "nh": NoseHoover}[name].method
@@ -558,41 +557,43 @@ def test_a_thermostat_waits(run_lammps, name, separate, ranks):
 # ------------------------------------------------------------------ atoms as points
 
 
-def test_energy_for_each_atom(run_lammps):
+def test_energy_for_each_atom(run_system):
     """Locks out an energy of the thermostat that is not divided by the number of atoms where
     'thermo_modify norm yes' has all energies divided, or a temperature that is."""
     system, rows = mixture(side=2), {}
     for norm in "yes", "no":
         words = fix_nvt(THERMOSTATS["csvr"]) + thermo("f_1 f_1[3]", 10)
-        script = f"{system.setup}\ntimestep 0.004\n{words}thermo_modify norm {norm}\nrun 10\n"
-        rows[norm] = run_lammps(script, files=system.files).thermo[-1]
+        rows[norm] = run_system(
+            system, f"timestep 0.004\n{words}thermo_modify norm {norm}\nrun 10\n"
+        ).thermo[-1]
     whole, each = rows["no"], rows["yes"]
     assert abs(whole["f_1"]) > 1e-3
     assert each["f_1"] * len(system.mass) == pytest.approx(whole["f_1"], rel=1e-12)
     assert each["f_1[3]"] == whole["f_1[3]"]
 
 
-def test_points_move_as_with_nve(run_lammps, tmp_path):
+def test_points_move_as_with_nve(run_system, tmp_path):
     """Locks out points that miss forces, or feel those of a body: without a thermostat they move as
     fix nve has them beside the bodies."""
     system, ends = mixture(side=3, spacing=2.9), []
     one = "fix 1 stiff nosquish/nve molecule flexible loose\n"
     two = "fix 1 stiff nosquish/nve molecule\nfix 2 loose nve\n"
     for words in (one, two):
-        script = f"{system.setup}\n{POINTS}{words}{thermo('press', 50)}timestep 0.002\nrun 100\n"
-        rows = run_lammps(script + DUMP.format("end"), files=system.files).thermo
+        rows = run_system(
+            system,
+            f"{POINTS}{words}{thermo('press', 50)}timestep 0.002\nrun 100\n" + DUMP.format("end"),
+        ).thermo
         ends.append((np.loadtxt(tmp_path / "end", skiprows=9), rows["Temp"], rows["Press"]))
     for a, b in zip(*ends, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9)
 
 
-def test_points_have_the_temperature(run_lammps, tmp_path):
+def test_points_have_the_temperature(run_system, tmp_path):
     """Locks out points without noise, or with that of another mass."""
     system = gas()
     groups = "group loose molecule 1:150\ngroup stiff subtract all loose\n"
     words = fix_nvt_with_points(THERMOSTATS["langevin"], "2 2 4e-3").replace(POINTS, groups)
-    script = f"{system.setup}\n{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('end')}"
-    log = run_lammps(script, files=system.files).log
+    log = run_system(system, f"{FREE}timestep 0.002\n{words}run 60\n{DUMP.format('end')}").log
     atoms = np.loadtxt(tmp_path / "end", skiprows=9)
     loose = atoms[atoms[:, 1] <= 150]
     for component in (loose[:, 6:] * np.sqrt(loose[:, 2:3] / 2.0)).T:
@@ -603,14 +604,13 @@ def test_points_have_the_temperature(run_lammps, tmp_path):
 
 @pytest.mark.parametrize("ranks", [1, 4])
 @pytest.mark.parametrize("name", list(THERMOSTATS))
-def test_forces_in_the_table(run_lammps, tmp_path, name, ranks):
+def test_forces_in_the_table(run_system, tmp_path, name, ranks):
     """Locks out forces of an earlier step in the table of keyword output, where nothing else looks
     at the step: a dump of every step, which has the forces gathered, changes nothing."""
     system, tables = mixture(side=2, spacing=2.9), []
     for dump in "", "dump 1 all custom 1 all id fx fy fz\n":
         words = fix_nvt(THERMOSTATS[name] + " output 5 table", "1 1 1") + "thermo 1000\n"
-        script = f"{system.setup}\n{words}timestep 0.002\n{dump}run 20\n"
-        run_lammps(script, files=system.files, ranks=ranks)
+        run_system(system, f"{words}timestep 0.002\n{dump}run 20\n", ranks=ranks)
         tables.append(np.genfromtxt(tmp_path / "table", delimiter=",", skip_header=1))
     np.testing.assert_allclose(*tables, rtol=1e-9, atol=1e-9)
 

@@ -80,12 +80,13 @@ def test_shapes_of_a_box(run_lammps, words):
         assert stats.kstest(tilts, "norm").pvalue > 1e-3, (name, tilts.mean(), tilts.var())
 
 
-def test_shapes_in_two_dimensions(run_lammps):
+def test_shapes_in_two_dimensions(run_system):
     """Locks out tilts with z in two dimensions, and a tilt that does not change there."""
     system = mixture("planar pair row single", side=3, dimension=2, tilt=0.2)
     words = fix_mtk("langevin", "tri 35e-2 35e-2 4e-1 every 5") + thermo("lx ly lz xy xz yz", 100)
-    script = f"{system.setup}\n{FREE}timestep 0.004\n{words}fix 2 all enforce2d\nrun 2000\n"
-    rows = run_lammps(script, files=system.files).thermo
+    rows = run_system(
+        system, f"{FREE}timestep 0.004\n{words}fix 2 all enforce2d\nrun 2000\n"
+    ).thermo
     assert np.ptp(rows["Lz"]) == np.ptp(rows["Xz"]) == np.ptp(rows["Yz"]) == 0
     assert min(np.ptp(rows["Lx"]), np.ptp(rows["Ly"]), np.ptp(rows["Xy"])) > 0.3
 

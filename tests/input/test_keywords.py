@@ -211,7 +211,7 @@ def test_bad_words_in_the_plane(simulate, tmp_path, words, said):
 # ---- reinit
 
 
-def test_groups_with_other_bits(run_lammps, tmp_path):
+def test_groups_with_other_bits(run_system, tmp_path):
     """Locks out bodies that are lost because their groups were deleted and made anew, and "claimed
     by two fixes" of atoms that are not, because a fix still knew the other's group by its old
     bit."""
@@ -224,11 +224,11 @@ def test_groups_with_other_bits(run_lammps, tmp_path):
     fixes = line.format("all", 1, "group 2 a b") + line.format("all", 2, "group 1 c")
     others = "group a delete\ngroup b delete\ngroup c delete\n" + "".join(reversed(groups))
     for between in "", others:
-        script = (
-            f"{system.setup}\n{''.join(groups)}{fixes}timestep 0.004\nrun 20\n{between}run 20\n"
+        run_system(
+            system,
+            f"{''.join(groups)}{fixes}timestep 0.004\nrun 20\n{between}run 20\n"
+            f"write_dump all custom end id x y z modify sort id format float %.17g\n",
         )
-        script += "write_dump all custom end id x y z modify sort id format float %.17g\n"
-        run_lammps(script, files=system.files)
         ends.append(np.loadtxt(tmp_path / "end", skiprows=9))
     np.testing.assert_array_equal(*ends)
 
@@ -753,7 +753,7 @@ def test_restart_file_before_any_run(simulate, run_lammps, tmp_path):
     assert len(written) == system.molecule.max() and written[0, 0] == 1 and written[0, 1] == 9.0
 
 
-def test_restart_of_two_fixes(simulate, run_lammps, tmp_path):
+def test_restart_of_two_fixes(simulate, run_lammps, run_system, tmp_path):
     """Locks out a restart that gives a fix the bodies of another one, whose file took the place of
     its own, and points that are bodies there: each fix has a file by its ID, points are in none."""
     system = mixture("solid planar single")
@@ -772,8 +772,12 @@ fix 1 solid nosquish/nve molecule infile v_s flexible single
 fix two planar nosquish/nve molecule infile v_p
 """
 
-    whole = f"{system.setup}\n{fixes('solids', 'planars')}run 20\nwrite_restart state\nrun 20\n"
-    run_lammps(whole + dump.format("whole"), files=system.files | files, ranks=2)
+    run_system(
+        system,
+        f"{fixes('solids', 'planars')}run 20\nwrite_restart state\nrun 20\n" + dump.format("whole"),
+        files=files,
+        ranks=2,
+    )
     assert not (tmp_path / "state.rigid").exists()
     assert [len(read_rows(tmp_path / f"state.{name}.rigid")) for name in ("1", "two")] == [
         (natoms == 5).sum(), (natoms == 4).sum()

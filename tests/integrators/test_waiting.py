@@ -177,13 +177,16 @@ def test_following_without_python(simulate, known, run_lammps, tmp_path, ranks):
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_virial_behind_a_command_between_runs(run_lammps, ranks):
+def test_virial_behind_a_command_between_runs(run_system, ranks):
     """Locks out the constraint virial twice in the pressure of the first step of a run that is not
     set up, where a command between the runs has made the bodies anew."""
     system, pressure = mixture("solid planar row", temperature=3.0), []
     for between in "", "write_restart r\n":
-        script = f"{system.setup}\ntimestep 0.002\n{OURS.format(group='bodies', words='molecule')}"
-        script += f"\nthermo 1\nrun 4\n{between}run 2 pre no\n"
-        rows = run_lammps(script, files=system.files, ranks=ranks).thermo
+        rows = run_system(
+            system,
+            f"timestep 0.002\n{OURS.format(group='bodies', words='molecule')}\nthermo 1\n"
+            f"run 4\n{between}run 2 pre no\n",
+            ranks=ranks,
+        ).thermo
         pressure.append(dict(zip(rows["Step"], rows["Press"])))
     assert pressure[0][5] == pytest.approx(pressure[1][5], rel=1e-3)

@@ -169,7 +169,7 @@ FORMER_NAMES = """
 
 @pytest.mark.parametrize("methods", [NEW_NAMES, FORMER_NAMES], ids=["new", "former"])
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_energy_taken_is_counted_and_kept(run_lammps, ranks, methods):
+def test_energy_taken_is_counted_and_kept(run_lammps, run_system, ranks, methods):
     """Locks out energy that a user's integrator takes and that econserve lacks, and a count that
     begins anew with a restart file; and a class with names of before that does nothing, or without
     a warning."""
@@ -180,8 +180,9 @@ def test_energy_taken_is_counted_and_kept(run_lammps, ranks, methods):
     fix = f'{pair}timestep 0.001\nfix 1 all python/move "brake.Brake all molecule"\n'
     fix += "thermo_style custom step etotal econserve f_1\nthermo_modify norm no\nthermo 50\n"
     files = system.files | {"brake.py": BRAKE.replace("{methods}", methods)}
-    script = f"{system.setup}\n{fix}run 100\nwrite_restart kept\nrun 100\n"
-    first = run_lammps(script, files=files, ranks=ranks)
+    first = run_system(
+        system, f"{fix}run 100\nwrite_restart kept\nrun 100\n", files=files, ranks=ranks
+    )
     whole, warned = first.thermo, "WARNING: class Brake uses own_parameters" in first.log
     assert warned == (methods == FORMER_NAMES)
     second = run_lammps(f"read_restart kept\n{fix}run 100\n", files=files, ranks=ranks).thermo

@@ -38,12 +38,11 @@ def vector(name, values):
 
 
 @pytest.fixture
-def run_bodies(run_lammps, tmp_path):
+def run_bodies(run_system, tmp_path):
     """Run lines with the bodies of a system, and give its thermo table and atoms at the end."""
 
     def run(system, lines, **how):
-        script = f"{system.setup}\ntimestep {system.dt}\n{lines}\n{END}"
-        done = run_lammps(script, files=system.files, **how)
+        done = run_system(system, f"timestep {system.dt}\n{lines}\n{END}", **how)
         return done.thermo, motion.read(tmp_path / "end")[1][0][:, 1:], done
 
     return run
@@ -413,7 +412,7 @@ def __getattr__(text):
 
 @pytest.mark.skipif(bool(obstacle()), reason=obstacle() or "")
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_in_a_lammps_with_its_own_fix(run_lammps, run_bodies, tmp_path, ranks):
+def test_in_a_lammps_with_its_own_fix(run_system, run_bodies, tmp_path, ranks):
     """Locks out add_force that serves with the plugin only: a class of one's own hands them in."""
     system = mixture("solid planar pair")
     force, torque = np.zeros((3, 27)), np.zeros(27)
@@ -423,8 +422,12 @@ def test_in_a_lammps_with_its_own_fix(run_lammps, run_bodies, tmp_path, ranks):
     runs = THERMO.format("") + "run 20\nrun 20 pre no"
     _, atoms, _ = run_bodies(system, NVE + words + runs)
     own = 'fix 1 all python/move "own.Pushed all molecule"\n'
-    text = f"{system.setup}\ntimestep {system.dt}\n{own}{runs}\n{END}"
-    run_lammps(text, files=system.files | {"own.py": OWN}, launcher=debian(ranks))
+    run_system(
+        system,
+        f"timestep {system.dt}\n{own}{runs}\n{END}",
+        files={"own.py": OWN},
+        launcher=debian(ranks),
+    )
     assert motion.read(tmp_path / "end")[1][0][:, 1:] == pytest.approx(atoms, abs=1e-10)
 
 
@@ -473,13 +476,15 @@ def test_what_is_refused(refused, words, says, ranks):
     refused(script, says, system.files, ranks=ranks)
 
 
-def test_no_fix_stays_behind(run_lammps):
+def test_no_fix_stays_behind(run_system):
     """Locks out a fix that tells of external forces of a fix that is gone, and two of one ID."""
     system = mixture("solid planar pair")
     words = "fix_modify 1 external force 1 0 0 energy 0\n"
-    script = f"{system.setup}\n{NVE}{words}{words}run 1\n{NVE}{words}run 1\n{words}unfix 1\n"
-    script += f"info fixes\n{NVE}{words}fix_modify 1 external none\nrun 1\ninfo fixes\n"
-    done = run_lammps(script, files=system.files)
+    done = run_system(
+        system,
+        f"{NVE}{words}{words}run 1\n{NVE}{words}run 1\n{words}unfix 1\ninfo fixes\n"
+        f"{NVE}{words}fix_modify 1 external none\nrun 1\ninfo fixes\n",
+    )
     assert "style = nosquish/nve" in done.screen
     assert "_external," not in done.screen.replace(" ", "")
 
@@ -510,7 +515,7 @@ def test_examples_of_the_page(run_bodies, run_lammps, tmp_path):
     assert list(done.thermo["f_1[3][7]"]) == [0.0, 1.0, 1.0, 1.0, 1.0]
 
 
-def test_words_of_a_command_that_failed(run_lammps, tmp_path):
+def test_words_of_a_command_that_failed(run_system, tmp_path):
     """Locks out the first words of a command that failed, where a program catches the error and
     runs on: those of the command before it stay."""
     system = mixture("solid planar pair")
@@ -521,8 +526,7 @@ def test_words_of_a_command_that_failed(run_lammps, tmp_path):
         "lmp.command('run 0')\nlmp.command('fix_modify 1 external none')\nlmp.command('run 0')"
     )
     (tmp_path / "drive.py").write_text(DRIVE.format(ranks=1, lines=lines))
-    script = f"{system.setup}\n{NVE}"
-    done = run_lammps(script, files=system.files, launcher=[sys.executable, "drive.py"])
+    done = run_system(system, f"{NVE}", launcher=[sys.executable, "drive.py"])
     pushed, free = done.thermo
     assert pushed["f_1[8][7]"] == free["f_1[8][7]"]
     assert pushed["f_1[8][9]"] - free["f_1[8][9]"] == pytest.approx(2.0, abs=1e-3)

@@ -572,14 +572,16 @@ OF_FIX_SET = [  # which older LAMMPS do not have
     "fix, said",
     [("atom/swap 6 40 4 2.0 types 1 2 ke no", "bodies keep their masses"), *OF_FIX_SET],
 )
-def test_atoms_that_a_fix_sets(run_lammps, fix, said, ranks):
+def test_atoms_that_a_fix_sets(run_system, fix, said, ranks):
     """Locks out atoms that a fix moves in a run and that are put back without a word, and bodies
     that keep their masses while atoms get those of other types, also where two atoms exchange
     theirs or the run is over: temperatures and energies would be those of other masses."""
     system = mixture("solid planar pair row")
-    script = (
-        f"{system.setup}\nvariable x atom x+0.1\nvariable t atom 4-type\n"
-        f"timestep {system.dt}\nfix 1 all nosquish/nve molecule\nfix s all {fix}\nrun 30"
+    done = run_system(
+        system,
+        f"variable x atom x+0.1\nvariable t atom 4-type\ntimestep {system.dt}\n"
+        f"fix 1 all nosquish/nve molecule\nfix s all {fix}\nrun 30",
+        ranks=ranks,
+        check=not said,
     )
-    done = run_lammps(script, files=system.files, ranks=ranks, check=not said)
     assert bool(said) == ("ERROR" in done.screen) and re.search(said, done.screen)

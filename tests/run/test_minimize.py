@@ -101,13 +101,14 @@ timestep 1
     assert best.fun < energy_of_two(start, *more) - 1.0
 
 
-def test_in_the_plane(run_lammps, tmp_path):
+def test_in_the_plane(run_system, tmp_path):
     """Locks out motion out of the plane, and forces along it and torques about axes that no body
     has there: these do not count against the tolerances."""
     system = mixture("planar pair row single", side=3, spacing=2.9, dimension=2)
     lines = WAYS["cg"].format("fix 2 all enforce2d\n")
-    script = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}{lines}run 0\n"
-    done = run_lammps(script + FORCES.format("end"), files=system.files)
+    done = run_system(
+        system, f"{SMOOTH}{FORCES.format('start')}{lines}run 0\n" + FORCES.format("end")
+    )
     start, end = (atoms(tmp_path / name) for name in ("start", "end"))
     assert REACHED in done.log
     assert (end[2][:, 2] == start[2][:, 2]).all()
@@ -134,15 +135,16 @@ def test_spheres(run_lammps, tmp_path):
 
 
 @pytest.mark.parametrize("words", ["", " barostat mtk every 1 iso 1 1 100"], ids=["nvt", "npt"])
-def test_overlap_that_breaks_chains(run_lammps, words):
+def test_overlap_that_breaks_chains(run_lammps, run_system, words):
     """Locks out an error of chains that asks for a TDAMP of at least what was given, and one of a
     piston that asks for another pressure, where atoms overlap at the start: each says so, and its
     advice is good."""
     system, kind = overlapping(40, 10), "npt" if words else "nvt"
     velocities = "velocity all create 298 4928 loop geom\ntimestep 1\n"
     chains = f"fix 1 all nosquish/{kind} molecule temp 298 298 100 thermostat nh{words}\n"
-    broken = f"{system.setup}\n{velocities}{chains}run 100\n"
-    screen = run_lammps(broken, files=system.files, check=False).screen.replace("\n", " ")
+    screen = run_system(system, f"{velocities}{chains}run 100\n", check=False).screen.replace(
+        "\n", " "
+    )
     what = "than an edge," if words else "the Nose-Hoover chains are unstable"
     assert re.search(rf"{what} at step \d+: .*overlap at the start", screen), screen[-900:]
     assert "relax the bodies with minimize while this fix is defined" in screen
@@ -194,13 +196,19 @@ def goes_on(table):
 
 
 @pytest.mark.parametrize("ranks", [1, 4])
-def test_minimize_overlapping_start(run_lammps, tmp_path, ranks):
+def test_minimize_overlapping_start(run_system, tmp_path, ranks):
     """Locks out bodies that minimize bends, energies that rise, forces and torques above what it
     was asked for, velocities that change, and a next run that is elsewhere."""
     system = overlapping(12, 4)
-    script = f"{system.setup}\n{FORCES.format('start')}fix 1 all nosquish/nve molecule\n{TABLE}"
-    script += "velocity all create 300 4928\nthermo 1\nminimize 0 1e-6 5000 9000\nrun 0\n"
-    done = run_lammps(script + FORCES.format("end"), files=system.files, ranks=ranks)
+    done = run_system(
+        system,
+        (
+            f"{FORCES.format('start')}fix 1 all nosquish/nve molecule\n"
+            f"{TABLE}velocity all create 300 4928\nthermo 1\nminimize 0 1e-6 5000 9000\nrun 0\n"
+        )
+        + FORCES.format("end"),
+        ranks=ranks,
+    )
     start, end = (atoms(tmp_path / name) for name in ("start", "end"))
     assert REACHED in done.log
     assert (norms(tmp_path / "end") < [1e-6, 2.5e-6]).all()  # torques are over radii, below 2.5
@@ -266,26 +274,31 @@ def test_minimize_with_each_integrator(run_lammps, tmp_path, ranks):
         np.testing.assert_allclose(table[name][:, 4], table[name][:, 3], rtol=1e-9, err_msg=name)
 
 
-def test_run_after_minimize(run_lammps, tmp_path):
+def test_run_after_minimize(run_system, tmp_path):
     """Locks out a first step without its half kick: a thermostat whose velocities are those of the
     middle of a step begins behind minimize as a new one does."""
     system = mixture("solid planar", side=2, spacing=2.2)
     line = "fix 1 all nosquish/nvt molecule temp 1 1 1 seed 4\n"
     for name, again in ("one", ""), ("two", f"unfix 1\n{line}"):
-        text = f"{system.setup}\n{SMOOTH}timestep 0.002\n{line}minimize 0 0 20 60\n{again}run 5\n"
-        run_lammps(text + FORCES.format(name), files=system.files)
+        run_system(
+            system,
+            f"{SMOOTH}timestep 0.002\n{line}minimize 0 0 20 60\n{again}run 5\n"
+            + FORCES.format(name),
+        )
     (*_, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
     np.testing.assert_allclose(x, y, rtol=0, atol=1e-12)
 
 
 @pytest.mark.quick
-def test_minimize_with_components_off(run_lammps, tmp_path):
+def test_minimize_with_components_off(run_system, tmp_path):
     """Locks out bodies that minimize moves where force and torque do not act on them."""
     system = mixture("solid planar", side=2, spacing=2.2)
     words = "molecule force 1*3 off off on torque 1*3 off off on torque 4 off off off"
-    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve {words}\n"
-    text += f"minimize 0 1e-6 900 2000\n{FORCES.format('end')}"
-    done = run_lammps(text, files=system.files)
+    done = run_system(
+        system,
+        f"{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve {words}\n"
+        f"minimize 0 1e-6 900 2000\n{FORCES.format('end')}",
+    )
     assert REACHED in done.log
     (molecule, mass, x, _), (*_, y, _) = (atoms(tmp_path / name) for name in ("start", "end"))
     for one in 1, 2, 3, 4:
@@ -299,38 +312,41 @@ def test_minimize_with_components_off(run_lammps, tmp_path):
             assert moved.max() < 1e-12
 
 
-def test_minimize_in_the_plane(run_lammps, tmp_path):
+def test_minimize_in_the_plane(run_system, tmp_path):
     """Locks out bodies that minimize pushes or turns out of the plane."""
     system = mixture("planar pair row single", side=2, spacing=2.9, dimension=2)
-    text = f"{system.setup}\n{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve molecule\n"
-    text += "group some id <= 5\nfix up some addforce 0 0 0.1\n"
-    run_lammps(f"{text}minimize 0 0 10 20\n{FORCES.format('end')}", files=system.files)
+    run_system(
+        system,
+        f"{SMOOTH}{FORCES.format('start')}fix 1 all nosquish/nve molecule\ngroup some id <= 5\n"
+        f"fix up some addforce 0 0 0.1\nminimize 0 0 10 20\n{FORCES.format('end')}",
+    )
     (_, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("start", "end"))
     assert (x[:, 2] == y[:, 2]).all()
     assert np.abs(y - x).max() > 1e-3
 
 
-def test_minimize_keeps_dmax(run_lammps, tmp_path):
+def test_minimize_keeps_dmax(run_system, tmp_path):
     """Locks out a first step that is longer than min_modify says: a body's atoms move by dmax as a
     root mean square, at most."""
     system = overlapping(40, 10)
-    start = f"{system.setup}\nfix 1 all nosquish/nve molecule\nmin_modify dmax 0.02\n"
-    start += f"{FORCES.format('one')}minimize 0 0 1 1\n{FORCES.format('two')}"
-    run_lammps(start, files=system.files)
+    run_system(
+        system,
+        f"fix 1 all nosquish/nve molecule\nmin_modify dmax 0.02\n"
+        f"{FORCES.format('one')}minimize 0 0 1 1\n{FORCES.format('two')}",
+    )
     (molecule, _, x, _), (_, _, y, _) = (atoms(tmp_path / name) for name in ("one", "two"))
     square = np.bincount(molecule.astype(int), ((y - x) ** 2).sum(axis=1))[1:]
     root = np.sqrt(square / np.bincount(molecule.astype(int))[1:])
     assert 0.02 * 0.7 < root.max() < 0.02 * 1.2  # a body's centre of mass is not that of its atoms
 
 
-def test_minimize_before_the_fix(run_lammps, tmp_path):
+def test_minimize_before_the_fix(run_system, tmp_path):
     """Locks out a minimization that is not LAMMPS's own where no rigid body is defined yet."""
     system = mixture("solid planar", side=2, spacing=2.2)
     lines = f"minimize 0 1e-3 50 100\n{FORCES.format('end')}"
     options = ("-sf", "nosquish")
     for name, with_suffix in ("one", ()), ("two", options):
-        text = f"{system.setup}\n{SMOOTH}{lines.replace('end', name)}"
-        run_lammps(text, files=system.files, options=with_suffix)
+        run_system(system, f"{SMOOTH}{lines.replace('end', name)}", options=with_suffix)
     assert (tmp_path / "one").read_text() == (tmp_path / "two").read_text()
 
 

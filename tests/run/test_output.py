@@ -372,14 +372,13 @@ def test_disk_that_fills_up(simulate, tmp_path, disk, said, ranks):
     assert run.thermo["Step"][-1] in (last, last + 1)
 
 
-def test_table_of_a_run_without_setup(run_lammps, tmp_path):
+def test_table_of_a_run_without_setup(run_system, tmp_path):
     """Locks out a row of the first step with the positions of before it, where write_restart has
     begun a run that goes on with pre no."""
     system, tables = mixture(side=2), []
     fix = OURS.format(group="all", words="molecule output 1 v_table")
     for runs in "run 6", "run 3\nwrite_restart state\nrun 3 pre no":
-        script = f"{system.setup}\n{FILE}\n{fix}\ntimestep {0.1 * system.dt:.17g}\n{runs}\n"
-        run_lammps(script, files=system.files)
+        run_system(system, f"{FILE}\n{fix}\ntimestep {0.1 * system.dt:.17g}\n{runs}\n")
         tables.append(read_table(tmp_path / "bodies.csv"))
     whole, parts = tables
     np.testing.assert_array_equal(whole["step"], parts["step"])
@@ -826,15 +825,14 @@ tell(table)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_an_integrator_that_is_held_after_unfix(run_lammps, tmp_path, ranks):
+def test_an_integrator_that_is_held_after_unfix(run_system, tmp_path, ranks):
     """Locks out an integrator that a driver holds, whose fix is gone, which reads freed memory,
     has body_table fail, and has a new fix refused because of bodies that it no longer moves."""
     fix = "fix 1 all nosquish/hmc molecule temp 300 steps 5 seed 1"
     more = "from mpi4py import MPI" if ranks > 1 else ""
     (tmp_path / "drive.py").write_text(HELD.format(more=more, fix=fix))
     system = mixture("solid planar pair")
-    script = f"{system.setup}\n{fix}\nrun 5\n"
-    run = run_lammps(script, files=system.files, ranks=ranks, launcher=[sys.executable, "drive.py"])
+    run = run_system(system, f"{fix}\nrun 5\n", ranks=ranks, launcher=[sys.executable, "drive.py"])
     printed = run.screen.split("SAID ")[1:]  # two ranks may print on one line
     assert len(printed) == 5 * ranks
     gone = [line for line in printed if line.startswith("RunError fix 1 (nosquish/hmc) no longer")]
@@ -866,15 +864,17 @@ except Exception as error:
 """
 
 
-def test_file_beside_a_restart_that_does_not_fit(simulate, run_lammps, tmp_path):
+def test_file_beside_a_restart_that_does_not_fit(simulate, run_system, tmp_path):
     """Locks out a disk that is full and leaves half of the bodies beside a restart file, in the
     place of those of before."""
     system = mixture("planar")
     (tmp_path / "drive.py").write_text(FULL)
     fix = OURS.format(group="all", words="molecule infile v_bodies")
-    script = f"{system.setup}\nvariable bodies string none\n{fix}\nrun 0\nwrite_restart state\n"
-    run = run_lammps(
-        script, files=system.files | {"none": "0\n"}, launcher=[sys.executable, "drive.py"]
+    run = run_system(
+        system,
+        f"variable bodies string none\n{fix}\nrun 0\nwrite_restart state\n",
+        files={"none": "0\n"},
+        launcher=[sys.executable, "drive.py"],
     )
     assert "cannot write the bodies to state.rigid: No space left on device" in run.screen
     text = (tmp_path / "state.rigid").read_text()

@@ -118,11 +118,14 @@ timestep 0.002
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_replicated(run_lammps, refused, ranks):
+def test_replicated(run_lammps, run_system, refused, ranks):
     """Locks out copies whose bodies merge, beside atoms whose bodies a restart file has."""
     system, native = mixture("solid planar"), "fix {} all nosquish/nve molecule\n"
-    script = f"{system.setup}\n{native.format(1)}run 2\nwrite_restart same\nset atom 4*9 mol 1\n"
-    run_lammps(script + "write_restart other\n", files=system.files, ranks=ranks)
+    run_system(
+        system,
+        f"{native.format(1)}run 2\nwrite_restart same\nset atom 4*9 mol 1\nwrite_restart other\n",
+        ranks=ranks,
+    )
     again = "read_restart {}\n" + AFTER + "replicate 2 1 1\n" + native + "run 2\n"
     run_lammps(again.format("same", 1), ranks=ranks)
     run_lammps(again.format("other", 2), ranks=ranks)

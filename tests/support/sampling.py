@@ -1,6 +1,7 @@
 """What tests of ensembles run and read: potentials, dumps, momenta, distributions."""
 
 import re
+import sys
 from functools import cache
 
 import numpy as np
@@ -86,6 +87,15 @@ lmp.command("run 303")
 columns = "id mol mass xu yu zu vx vy vz modify sort id format float %.17g"
 lmp.command("write_dump all custom end " + columns)
 """
+
+
+def reverse(run_system, tmp_path, system, line):
+    """Run a fix line forth and back: all atoms are where they were then. Gives the Run."""
+    lines = f"{SMOOTH}timestep 0.002\n{line}run 0\n{DUMP.format('start')}"
+    done = run_system(system, lines, launcher=[sys.executable, "-c", REVERSE])
+    start, end = (np.loadtxt(tmp_path / one, skiprows=9)[:, 3:6] for one in ("start", "end"))
+    assert np.abs(start - end).max() < 1e-9
+    return done
 
 
 def distance_of_ends(run_lammps, tmp_path, scripts, files, h):
