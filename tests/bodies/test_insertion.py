@@ -307,8 +307,7 @@ def test_template_in_a_later_run(compared, run_lammps, tmp_path):
         "write_dump all custom end id mol type x y z vx vy vz modify sort id format float %.17g"
     )
     run_lammps(again)
-    lines = (tmp_path / "end").read_text().splitlines()[9:]
-    atoms = np.array([line.split() for line in lines], float)
+    atoms = np.loadtxt(tmp_path / "end", skiprows=9)
     assert_same([(one[0], atoms), one], (), tolerance=1e-8)
 
 

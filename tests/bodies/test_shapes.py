@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from fix_nosquish.bodies import shapes
+from support.endings import assert_ended
 from support.systems import MASSES, OURS, assemble, mixture
 from validation.scenes.data_file import data_file
 
@@ -206,22 +207,13 @@ REFUSED = {
 
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_keep_its_shape_is_refused(run_lammps, name, ranks):
+def test_what_cannot_keep_its_shape_is_refused(run_lammps, tmp_path, name, ranks):
     """Locks out atoms that silently jump back, and bodies in the middle of nowhere,
     where bodies go on as they are or are torn."""
     words, then, expected = REFUSED[name]
     system = mixture(ALL)
-    run = run_lammps(
-        script(system, f"run 5\n{then}", words),
-        files=system.files,
-        ranks=ranks,
-        check=False,
-        timeout=60,
-    )
-    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
-    assert run.code != 0 and len(errors) == 1 and all(words in errors[0] for words in expected), (
-        run.screen
-    )
+    how = {"files": system.files, "ranks": ranks, "check": False, "timeout": 60}
+    assert_ended(run_lammps(script(system, f"run 5\n{then}", words), **how), expected, tmp_path)
 
 
 def test_ranks_without_bodies(run_lammps):

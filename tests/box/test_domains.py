@@ -86,14 +86,15 @@ def test_boxes(simulate, box, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_tilted_box_without_image_flags(simulate, ranks):
-    """Locks out the wrong nearest image in a strongly tilted box,
-    where a data file says 0 0 0 of bodies that faces cut."""
+    """Locks out molecules torn apart, and the wrong nearest image in a strongly tilted box,
+    where a data file says 0 0 0 of bodies that faces cut; and a word on those that none cuts."""
     right, none = (
         mixture("planar", side=4, tilt=0.6, flags=flags, setup="box tilt large")
         for flags in (True, False)
     )
     ours = simulate(none, LIKE_LAMMPS, 30, ranks=ranks)
     assert re.search(r"\b\d\d bodies were cut by a periodic face", ours.log)
+    assert "cut by a periodic face" not in simulate(right, LIKE_LAMMPS, 0).log
     assert_same(ours, simulate(right, RIGID, 30), right.h)
 
 

@@ -8,9 +8,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
-from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -19,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from support import (
     scripts,
 )
-from support.harness import advised, take, with_lines
+from support.harness import advised, replaced, run_lmp, started, take, with_lines
 from support.running import ROOT, read_thermo
 from validation.__main__ import main
 from validation.check import measure as check
@@ -30,9 +28,21 @@ from validation.user_script import shapes, time_step
 
 
 def forces_within(own, out):
-    """How many pairs within a body have forces, and the remark."""
+    """How many pairs within a body have forces, the verdict, and the remark."""
     result = check._forces_within(own, shapes.body_groups(own)[0], out, 1, 300.0)
-    return result.value, check._without_note(result).note
+    return result.value, result.verdict, check._without_note(result).note
+
+
+def steps(own, tolerance=0.01):
+    """What is said of the time step."""
+    groups, _ = shapes.body_groups(own)
+    return [*check._step(own, groups, shapes.body_kinds(own, groups), tolerance)]
+
+
+def answer_of(checks, rows=(), dt=4.0):
+    """The answer to these checks, and rows of integrators."""
+    summary = {"checks": checks, "integrators": rows, "title": "", "notes": [], "suffix": []}
+    return report.describe(summary | {"kinds": [], "units": "real", "dt": dt}).answer
 
 
 # ---- is the script sound
@@ -65,9 +75,8 @@ def test_forces_within_bodies_are_counted(tmp_path, words, pairs):
     """Locks out a warning of forces that bonds leave out by LAMMPS's defaults, exclusions that are
     none (also beside a mesh, where LAMMPS lists them), and silence where forces are computed; of a
     ring of six atoms, as combinatorics has it."""
-    path = scripts.rings(tmp_path)
-    path.write_text(path.read_text().replace("special_bonds lj/coul 0 0 0\n", words))
-    value, note = forces_within(take(path, tmp_path / "out"), tmp_path / "out")
+    path = replaced(scripts.rings(tmp_path), "special_bonds lj/coul 0 0 0\n", words)
+    value, _, note = forces_within(take(path, tmp_path / "out"), tmp_path / "out")
     assert value == pairs
     assert ("exclude molecule/intra all leaves them out" in note) == (pairs > 0)
 
@@ -83,18 +92,13 @@ def test_forces_within_bodies_are_counted(tmp_path, words, pairs):
 def test_a_many_body_potential_needs_the_pairs_of_bodies(tmp_path, factors, style, verdict):
     """Locks out the advice to exclude a molecule's pairs, without which a many-body potential has
     other forces on the molecule, too; and silence where they are left out."""
-    path = scripts.rings(tmp_path)
     name = "atm " * style.startswith("hybrid")
     more = "pair_coeff * * lj/cut 0.11 3.75\n" * bool(name)
     words = f"pair_style {style}\n{more}pair_coeff * * {name}* 0.072\n"
-    text = path.read_text().replace(
-        "special_bonds lj/coul 0 0 0\n", f"special_bonds lj/coul {factors}\n{words}"
-    )
-    path.write_text(text)
-    own = take(path, tmp_path / "out")
-    found = check._forces_within(own, shapes.body_groups(own)[0], tmp_path / "out", 1, 300.0)
-    assert found.verdict == verdict
-    assert ("must not be left out" in check._without_note(found).note) == (verdict != "holds")
+    bonds = f"special_bonds lj/coul {factors}\n{words}"
+    path = replaced(scripts.rings(tmp_path), "special_bonds lj/coul 0 0 0\n", bonds)
+    _, told, note = forces_within(take(path, tmp_path / "out"), tmp_path / "out")
+    assert told == verdict and ("must not be left out" in note) == (verdict != "holds")
 
 
 def test_check_finds_what_does_not_fit(tmp_path):
@@ -110,8 +114,7 @@ def test_check_finds_what_does_not_fit(tmp_path):
     own = take(path, tmp_path / "out")
     groups, gap = shapes.body_groups(own)
     kinds = shapes.body_kinds(own, groups)
-    checks = [*check._bodies(own, gap, kinds), *check._script(own)]
-    checks += check._step(own, groups, kinds, 0.01)
+    checks = [*check._bodies(own, gap, kinds), *check._script(own), *steps(own)]
     found = {(one.subject, one.what): one.holds for one in checks}
     assert found["atoms", "that no fix moves"] is False
     assert found["thermostats", "of the bodies"] is True
@@ -129,11 +132,8 @@ def test_lists_of_neighbours_that_are_too_old(tmp_path, words, holds):
 
     def lists(*lines):
         path = scripts.spce(tmp_path, lines="\n".join([*lines, "timestep 6.0"]))
-        own = take(path, tmp_path / "out")
-        own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
-        rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, MagicMock())
-        assert rows[0]["error"] is None
-        return check._lists(rows[0].get("late"))
+        (row,) = started(take(path, tmp_path / "out"), tmp_path / "out", only=["nosquish"])
+        return check._lists(row.get("late"))
 
     result = lists(f"neigh_modify {words}")
     assert result.holds is holds
@@ -159,11 +159,10 @@ def test_check_says_what_its_table_cannot(tmp_path, capsys):
     told, printed = "LAMMPS's econserve is not the conserved quantity", capsys.readouterr().out
     assert told in printed and printed.count("Ensemble: NVT") == 1
     assert told in (out / "report.html").read_text().replace("&#39;", "'")
-    path.write_text(path.read_text().replace("\nrun 100", "\nrun 800\nrun 100"))
-    own = take(path, tmp_path / "later", **advised(summary["suffix"][0], N="2"))
-    own = replace(own, integrators={"nosquish": own.integrators["nosquish"]})
-    rows, _ = check._starts(own, tmp_path / "later", 1, 300.0, MagicMock())
-    assert rows[0]["error"] is None and "settles" not in rows[0]
+    ask = advised(summary["suffix"][0], N="2")
+    own = take(replaced(path, "\nrun 100", "\nrun 800\nrun 100"), tmp_path / "later", **ask)
+    (row,) = started(own, tmp_path / "later", only=["nosquish"])
+    assert "settles" not in row
     steps = [one["note"] for one in summary["checks"] if one["part"] == "step"]
     assert len(steps) == 4 and "by this number alone, " in steps[0]
     assert all("unstable above about" in note for note in steps[1:3])
@@ -206,11 +205,9 @@ def test_a_start_whose_run_has_no_numbers_fails(taken):
 def test_a_script_that_no_integrator_can_start():
     """Locks out "all numbers are within their bounds" of a script with which nothing runs."""
     rows = [{"label": "a", "error": "ERROR: no", "uncounted": False}]
-    summary = {"checks": [], "integrators": rows, "title": "", "notes": [], "suffix": []}
-    summary |= {"kinds": [], "units": "real", "dt": 4.0}
-    assert report.describe(summary).answer.startswith("No integrator can run the start")
+    assert answer_of([], rows).startswith("No integrator can run the start")
     rows.append({"label": "b", "error": None, "uncounted": False})
-    assert report.describe(summary).answer.startswith("All numbers")
+    assert answer_of([], rows).startswith("All numbers")
 
 
 def test_one_verdict_of_numbers_that_are_not_known(tmp_path, capsys):
@@ -242,17 +239,11 @@ def test_a_step_that_is_unstable_and_one_that_is_inaccurate(
 ):
     """Locks out one bound for both: the peptide's recipe at 4 fs was rejected, although 120 ps of
     runs bear it out; held against committed runs of water, which rotates at this frequency."""
-    own = taken("spce")
-    own = replace(own, scene=replace(own.scene, dt=dt))
+    own = replace(taken("spce"), scene=replace(taken("spce").scene, dt=dt))
     monkeypatch.setattr(shapes, "fastest_motions", lambda *_: {"turning": 0.148})
     monkeypatch.setattr(shapes, "mean_square_frequency", lambda *_: 0.0052)  # as of TIP3P
-    groups, _ = shapes.body_groups(own)
-    checks = [*check._step(own, groups, shapes.body_kinds(own, groups), tolerance)]
-    rows = [one.plain() for one in checks if one.part == "step"][1:]
-    summary = {"checks": rows, "integrators": [], "title": "", "notes": [], "suffix": []}
-    summary |= {"kinds": [], "units": "real", "dt": dt}
-    answer = report.describe(summary).answer
-    assert answer == (f"Out of their bounds: {', '.join(lost)}." if lost else
+    rows = [one.plain() for one in steps(own, tolerance) if one.part == "step"][1:]
+    assert answer_of(rows, dt=dt) == (f"Out of their bounds: {', '.join(lost)}." if lost else
                       "All numbers that have bounds are within them.")  # fmt: skip
 
 
@@ -476,17 +467,15 @@ def test_rigid_parts_whatever_makes_the_atoms(name, tmp_path, run_lammps, capsys
     printed = capsys.readouterr().out
     assert "51 × water" in printed
     (place / "in.changed").write_text(with_lines(text, printed))
-    command = [str(Path(sys.executable).with_name("lmp")), "-in", "in.changed", "-log", "log"]
-    subprocess.run(command, cwd=place, check=True, stdout=subprocess.DEVNULL)
+    run_lmp(place / "in.changed", "-log", "log")
     log = (place / "log").read_text()
     assert "51 rigid bodies with 153 atoms" in log
     assert lammps_log.thermo(log)["Step"][-1] == 6
     own = take(place / "in.changed", tmp_path / "again")
-    groups, _ = shapes.body_groups(own)
-    (kind,) = shapes.body_kinds(own, groups)
+    (kind,) = shapes.body_kinds(own, shapes.body_groups(own)[0])
     assert own.bodies == 51 and kind.number == 51 and kind.scatter < 1e-9
     assert "A longer timestep may be stable now: 'check' without --rigid estimates it," in printed
-    assert any("unstable above" in one.note for one in check._step(own, groups, [kind], 0.01))
+    assert any("unstable above" in one.note for one in steps(own))
 
 
 def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys):
@@ -517,10 +506,8 @@ def test_rigid_parts_of_a_peptide_with_cross_terms(tmp_path, run_lammps, capsys)
 def test_bodies_of_a_rigid_fix_get_one_shape(tmp_path, capsys):
     """Locks out advice of `check` that fails for the scripts to which it is given: those of rigid
     fixes, whose minimization has bent the bodies."""
-    path, out = scripts.rings(tmp_path), tmp_path / "out"
-    bent = "displace_atoms all random 0.05 0.05 0.05 7\nrun 1000"
-    path.write_text(path.read_text().replace('run 50 every 10 "print done"\nrun 1000', bent))
-    text = path.read_text()
+    bent, out = "displace_atoms all random 0.05 0.05 0.05 7\nrun 1000", tmp_path / "out"
+    path = replaced(scripts.rings(tmp_path), 'run 50 every 10 "print done"\nrun 1000', bent)
     own = take(path, tmp_path / "bent")
     groups, gap = shapes.body_groups(own)
     kinds = shapes.body_kinds(own, groups)
@@ -530,8 +517,7 @@ def test_bodies_of_a_rigid_fix_get_one_shape(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "Found: 64 × body of fix bodies" in printed and "directly before 'run 1000'" in printed
     (line,) = [line.strip() for line in printed.splitlines() if line.startswith("    ")]
-    path.write_text(text.replace("run 1000", f"{line}\nrun 1000"))
-    own = take(path, tmp_path / "again")
+    own = take(replaced(path, "run 1000", f"{line}\nrun 1000"), tmp_path / "again")
     (kind,) = shapes.body_kinds(own, shapes.body_groups(own)[0])
     assert kind.number == 64 and kind.scatter < 1e-9
 
@@ -549,26 +535,21 @@ def test_rigid_parts_that_cannot_be_told(tmp_path, capsys):
         assert main(words) == status
         return capsys.readouterr().out
 
-    path = scripts.polymer(tmp_path)
-    path.write_text(path.read_text().replace("rigid/nvt/small molecule", "nvt"))
+    path = replaced(scripts.polymer(tmp_path), "rigid/nvt/small molecule", "nvt")
     assert "cannot be told by masses in units lj" in told(path)
-    path = scripts.co2(tmp_path)
-    path.write_text(path.read_text().replace("rigid/npt/small molecule", "npt"))
+    path = replaced(scripts.co2(tmp_path), "rigid/npt/small molecule", "npt")
     assert "the atoms have no bonds" in told(path)
-    path = scripts.rings(tmp_path)
-    text = path.read_text().replace("fix bodies all rigid/nve/small molecule", "fix 1 all nve")
-    path.write_text(text)
+    fix = "fix bodies all rigid/nve/small molecule"
+    path = replaced(scripts.rings(tmp_path), fix, "fix 1 all nve")
     assert "No rigid part, so no file" in told(path, 1)
-    data = tmp_path / "rings.data"
-    data.write_text(data.read_text().replace("13.019", "12.011"))
+    data = replaced(tmp_path / "rings.data", "13.019", "12.011")
     of_rings = told(path, 0)
     assert "64 × rings" in of_rings and "have no force" not in of_rings
     data.write_text(data.read_text().replace("384 bonds", "385 bonds") + "385 1 1 7\n")
     loose = "1 bonds between bodies and other atoms have no force"
     assert loose in told(path, 0)
-    forces = text.replace("zero\nbond_coeff * 1.39", "harmonic\nbond_coeff * 99 1.39")
-    path.write_text(forces)
-    assert forces != text and loose not in told(path, 0)  # as advised
+    replaced(path, "zero\nbond_coeff * 1.39", "harmonic\nbond_coeff * 99 1.39")
+    assert loose not in told(path, 0)  # as advised
 
 
 def test_check_of_atoms_that_a_fix_holds(tmp_path):
@@ -576,7 +557,5 @@ def test_check_of_atoms_that_a_fix_holds(tmp_path):
     is too long for them."""
     path = scripts.spce(tmp_path, fix="group some molecule <= 63\nfix 1 some rigid/nve molecule",
                         lines="group one molecule 64\nfix still one setforce 0 0 0")  # fmt: skip
-    own = take(path, tmp_path / "out")
-    groups, _ = shapes.body_groups(own)
-    found = [one.subject for one in check._step(own, groups, shapes.body_kinds(own, groups), 0.01)]
+    found = [one.subject for one in steps(take(path, tmp_path / "out"))]
     assert found[1:] == ["centres", "turning", "averages"]

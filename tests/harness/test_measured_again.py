@@ -1,6 +1,6 @@
 """One cheap number of each verb is measured again: the committed ones are those of today's code.
 
-``compare`` has its own such test, in test_compare.py.
+``compare`` has its own such test, in compare/test_compare.py.
 """
 
 import json

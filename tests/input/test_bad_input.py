@@ -27,13 +27,39 @@ OF_WORDS = (
 )
 
 
-@pytest.mark.parametrize("name", OF_WORDS)
+# words, what the message says
+UNREADABLE = {
+    "number zero": ("force 0 on on on", ("'0'", "M xflag yflag zflag", "n, m*n or *")),
+    "no number": ("torque one on on on", ("'one'", "M xflag yflag zflag")),
+    "negative number": ("torque -1* on on on", ("'-1*'", "M xflag yflag zflag")),
+    "neither on nor off": ("force * on off yes", ("'yes'", "three times on or off")),
+    "flag missing": ("force * on off", ("ends where", "M xflag yflag zflag")),
+    "keyword for a flag": (
+        "force * on off torque * on on on",
+        ("'torque'", "three times on or off"),
+    ),
+    "reinit neither yes nor no": ("reinit on", ("'on'", "yes or no")),
+    "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
+    "infile that would be read again": ("infile f reinit yes", ("leave out reinit yes",)),
+    "no name of the infile": ("infile", ("ends where", "a file", "v_NAME")),
+    "keyword of a thermostat": ("temp 1 1 1", ("'temp'", "fix_nosquish.NVT")),
+    "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix_nosquish.NVT")),
+}
+
+
+@pytest.mark.quick(*UNREADABLE)
+@pytest.mark.parametrize("name", [*OF_WORDS, *UNREADABLE])
 def test_words(name):
-    """Locks out words that are taken for something else, for each wrong fix line."""
+    """Locks out words that are taken for something else, and messages that do not name the word and
+    what was expected, for each wrong fix line."""
+    if name in OF_WORDS:
+        words, expected = CASES[name].words, CASES[name].expected
+    else:
+        words, expected = f"all molecule {UNREADABLE[name][0]}", UNREADABLE[name][1]
     with pytest.raises(RunError) as caught:
-        Command.parse(Line.quoted(f"NVE {CASES[name].words}"))
+        Command.parse(Line.quoted(f"NVE {words}"))
     assert caught.value.everywhere
-    assert not [words for words in CASES[name].expected if words not in str(caught.value)]
+    assert not [says for says in (*expected, words) if says not in str(caught.value)]
 
 
 @pytest.mark.quick(

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from fix_nosquish.errors import RunError
-from fix_nosquish.host.command import Command, Line
 from support import systems
 from support.bad_input import Case
 from support.endings import SECONDS, assert_ended
@@ -152,39 +150,6 @@ def test_bad_words(run_case, tmp_path, name):
     """Locks out a hang, several messages, a traceback and a silently wrong run,
     for each wrong use of a keyword."""
     assert_ended(run_case(BAD_WORDS[name], ranks=2), BAD_WORDS[name].expected, tmp_path)
-
-
-# words, what the message says
-UNREADABLE = {
-    "number zero": ("force 0 on on on", ("'0'", "M xflag yflag zflag", "n, m*n or *")),
-    "no number": ("torque one on on on", ("'one'", "M xflag yflag zflag")),
-    "negative number": ("torque -1* on on on", ("'-1*'", "M xflag yflag zflag")),
-    "neither on nor off": ("force * on off yes", ("'yes'", "three times on or off")),
-    "flag missing": ("force * on off", ("ends where", "M xflag yflag zflag")),
-    "keyword for a flag": (
-        "force * on off torque * on on on",
-        ("'torque'", "three times on or off"),
-    ),
-    "reinit neither yes nor no": ("reinit on", ("'on'", "yes or no")),
-    "reinit twice": ("reinit no reinit no", ("reinit", "twice")),
-    "infile that would be read again": ("infile f reinit yes", ("leave out reinit yes",)),
-    "no name of the infile": ("infile", ("ends where", "a file", "v_NAME")),
-    "keyword of a thermostat": ("temp 1 1 1", ("'temp'", "fix_nosquish.NVT")),
-    "keyword langevin": ("langevin 1 1 1 428984", ("'langevin'", "fix_nosquish.NVT")),
-}
-
-
-@pytest.mark.quick
-@pytest.mark.parametrize("name", UNREADABLE)
-def test_unreadable_words(name):
-    """Locks out words that are taken for something else, and messages that do not name the word and
-    what was expected (test_bad_input.py has how such a message ends a run)."""
-    words, expected = UNREADABLE[name]
-    with pytest.raises(RunError) as caught:
-        Command.parse(Line.quoted("NVE all molecule " + words))
-    assert caught.value.everywhere and not [
-        says for says in (*expected, words) if says not in str(caught.value)
-    ]
 
 
 @pytest.mark.parametrize(

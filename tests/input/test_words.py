@@ -115,7 +115,7 @@ ACTS = {
     **dict.fromkeys(("force", "torque"), "test_keywords.py::test_force_and_torque"),
     "reinit": "test_keywords.py::test_reinit",
     "infile": "test_keywords.py::test_infile",
-    "mrot": "test_nve.py::test_mrot",
+    "mrot": "test_exact_rotor.py::test_free_bodies_in_lammps",
     "rotor": "test_exact_rotor.py::test_free_bodies_in_lammps",
     "order": "test_nve.py::test_order_of_axes",
     "output": "test_output.py::test_steps_of_several_runs",

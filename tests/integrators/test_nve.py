@@ -114,44 +114,6 @@ def test_order_of_axes(simulate, order, turns):
         assert np.abs(delta).max() < 1e-12, f"body {body}"
 
 
-@pytest.mark.quick
-@pytest.mark.parametrize(
-    "words, group, before",
-    [
-        ("single", "one", "group one molecule 5"),
-        ("molecule", "some", "group some molecule 2 7:11"),
-        (
-            "custom i_body",
-            "all",
-            "variable b atom mol*2\nfix 3 all property/atom i_body\nset group all i_body v_b",
-        ),
-        ("custom v_b", "all", "variable b atom mol*2+0.25"),
-        ("group 3 a b c", "all", "group a molecule 1\ngroup b molecule 8 9\ngroup c molecule 20"),
-    ],
-    ids=lambda text: text.split("\n")[0] if " " in text else text,
-)
-def test_body_styles(simulate, words, group, before):
-    """Locks out a body style that groups other atoms than the same words do with fix rigid/nve.
-    (Two molecules are one body in the group style; atoms in no body stay at rest.)"""
-    system = mixture("solid planar")
-    how = dict(words=words, group=group, before=before, ranks=2)
-    theirs, ours = simulate(system, RIGID, 50, **how), simulate(system, LIKE_LAMMPS, 50, **how)
-    assert_same(ours, theirs, system.h)
-
-
-def test_mrot(simulate):
-    """Locks out an mrot that is read but not used: free rotors' error falls as 1 / mrot^2."""
-    system = mixture("solid")
-    free = "pair_style zero 2.5\npair_coeff * *\n"
-    runs = [
-        simulate(system, OURS, 50, dt=20, words=f"molecule mrot {m}", before=free)
-        for m in (1, 2, 4, 64)
-    ]
-    errors = [apart(run, runs[-1], system.h) for run in runs[:-1]]
-    assert errors[0] < 0.1
-    np.testing.assert_allclose(np.array(errors[:-1]) / errors[1:], 4.0, rtol=0.1)
-
-
 # ---- start
 
 
@@ -180,17 +142,6 @@ def test_start_velocities(simulate, ranks):
     logged = re.search(r"start velocities: (\S+) of the kinetic energy (\S+)", after.log)
     np.testing.assert_allclose([float(logged[1]), float(logged[2])], [lost, kinetic], rtol=1e-6)
     assert lost > 0.1 * kinetic
-
-
-@pytest.mark.parametrize("ranks", [1, 4])
-def test_bodies_cut_by_a_face(simulate, ranks):
-    """Locks out molecules torn apart by a data file without image flags."""
-    right, none = mixture("solid planar pair"), mixture("solid planar pair", flags=False)
-    assert right.files != none.files
-    cut = simulate(none, OURS, 50, ranks=ranks)
-    assert apart(cut, simulate(right, OURS, 50), right.h) < 1e-9 * np.abs(cut.x).max()
-    assert re.search(r"\b\d+ bodies were cut by a periodic face", cut.log)
-    assert "cut by a periodic face" not in simulate(right, OURS, 50).log
 
 
 def wide(flags):

@@ -46,13 +46,6 @@ def assert_alike(ours, theirs, columns):
         )
 
 
-@pytest.mark.parametrize("motion", ["linear", "angular"])
-def test_velocity_zero_rigid_is_refused(refused, system, motion):
-    """Locks out a command without effect."""
-    script = f"{system.setup}\n{OURS}\nrun 0\nvelocity all zero {motion} rigid 1\n"
-    refused(script, "Velocity rigid used with non-rigid fix-ID", system.files)
-
-
 PUSH = "group some molecule 2 3 4\nfix push some addforce 3.0 -1.0 0.5\n"
 
 
@@ -84,34 +77,6 @@ def test_bodyforces_early_in_runs_in_a_row(both):
         assert one[name][-1] == pytest.approx(other[name][-1], rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    "word, says",
-    [("soon", "bodyforces soon: expected early or late"), ("early", "not for run_style respa")],
-)
-def test_bodyforces_that_are_refused(refused, system, word, says):
-    """Locks out words that mean nothing, and forces of levels that are not those of the bodies."""
-    respa = "run_style respa 2 2 pair 1\n" if word == "early" else ""
-    script = f"{system.setup}\n{OURS}\n{PUSH}{respa}fix_modify 1 bodyforces {word}\nrun 0\n"
-    refused(script, says, system.files)
-
-
-@pytest.mark.parametrize(
-    "words, line",
-    [
-        ("nve molecule", "bodyforces"),
-        ("nve molecule", "temp thermo_temp"),
-        ("nve molecule", "press thermo_press"),
-        ("nph molecule iso 0 0 1", "temp"),
-    ],
-)
-def test_fix_modify_that_is_refused(refused, system, words, line):
-    """Locks out a crash where a word has no value, and a temperature or pressure for an integrator
-    that has no use for it, taken without a word."""
-    script = f"{system.setup}\nfix 1 all nosquish/{words}\nfix_modify 1 {line}\n"
-    says = f"does not support fix_modify {line.split()[0]} command"
-    refused(script, says, system.files)
-
-
 @pytest.mark.quick("fix-1")
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("how", ["fix", "keyword", "behind", "variable behind"])
@@ -138,23 +103,60 @@ def test_gravity(both, how, ranks):
     assert np.ptp(tables[0]["KinEng"] + tables[0]["PotEng"]) > 1
 
 
-GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable"
+GRAVITY = "fix g all gravity 1 vector 0 0 -1 disable\n"
+ZERO = f"{OURS}\nrun 0\nvelocity all zero {{}} rigid 1"
+MODIFIED = "fix 1 all nosquish/{}\nfix_modify 1 {}"
+LEVELS = "run_style respa 2 2 pair 1\n"
+REFUSED = {  # lines, and what the message says
+    "zero linear": (ZERO.format("linear"), "Velocity rigid used with non-rigid fix-ID"),
+    "zero angular": (ZERO.format("angular"), "Velocity rigid used with non-rigid fix-ID"),
+    "soon": (
+        f"{OURS}\n{PUSH}fix_modify 1 bodyforces soon",
+        "bodyforces soon: expected early or late",
+    ),
+    "early with levels": (
+        f"{OURS}\n{PUSH}{LEVELS}fix_modify 1 bodyforces early",
+        "not for run_style respa",
+    ),
+    "no value": (
+        MODIFIED.format("nve molecule", "bodyforces"),
+        "does not support fix_modify bodyforces command",
+    ),
+    "temp": (
+        MODIFIED.format("nve molecule", "temp thermo_temp"),
+        "does not support fix_modify temp command",
+    ),
+    "press": (
+        MODIFIED.format("nve molecule", "press thermo_press"),
+        "does not support fix_modify press command",
+    ),
+    "temp without a value": (
+        MODIFIED.format("nph molecule iso 0 0 1", "temp"),
+        "does not support fix_modify temp command",
+    ),
+    "no gravity": (
+        f"{GRAVITY}fix 1 all nosquish/nve molecule gravity h",
+        "'h' is not a fix gravity",
+    ),
+    "gravity with levels": (
+        f"{GRAVITY}{LEVELS}fix 1 all nosquish/nve molecule gravity g",
+        "run_style",
+    ),
+    "gravity with HMC": (
+        f"{GRAVITY}fix 1 all nosquish/hmc molecule temp 1 steps 1 seed 5 gravity g",
+        "fix_modify g energy",
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    "before, words, after, says",
-    [
-        (GRAVITY, "nve molecule gravity h", "", "'h' is not a fix gravity"),
-        (f"{GRAVITY}\nrun_style respa 2 2 pair 1", "nve molecule gravity g", "", "run_style"),
-        (GRAVITY, "hmc molecule temp 1 steps 1 seed 5 gravity g", "", "fix_modify g energy"),
-    ],
-    ids=["none", "respa", "HMC"],
-)
-def test_gravity_that_is_refused(refused, system, before, words, after, says):
-    """Locks out bodies without the weight that is asked for, or with that of several levels, and a
-    test of an energy without that of the weight."""
-    line = f"fix 1 all nosquish/{words}"
-    refused(f"{system.setup}\n{before}\n{line}\n{after}\nrun 0\n", says, system.files)
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused(refused, system, name):
+    """Locks out a command without effect; words that mean nothing, and forces of levels that are
+    not those of the bodies; a crash where a word has no value, and a temperature or pressure for an
+    integrator that has no use for it, taken without a word; bodies without the weight that is asked
+    for, or with that of several levels, and a test of an energy without that of the weight."""
+    lines, says = REFUSED[name]
+    refused(f"{system.setup}\n{lines}\nrun 0\n", says, system.files)
 
 
 @pytest.mark.parametrize("suffix", ["omp", "opt"])

@@ -272,15 +272,21 @@ def test_python_of_lammps(tmp_path, run_ice):
     assert refused.code and said in refused.screen, refused.screen
 
 
+def one_plugin(tmp_path):
+    """A copy of the package with one plugin (a wheel has several); that plugin's folder."""
+    package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
+    *others, plugin = sorted(package.glob("plugin/for_*"))
+    for other in others:
+        shutil.rmtree(other)
+    return plugin
+
+
 @pytest.mark.quick
 def test_another_update(tmp_path, run_ice):
     """Locks out a plugin in another update of the version that it was compiled for: LAMMPS tells it
     the same number, and has its objects otherwise in memory. And a command for it that installs the
     same plugin again, from pip's cache."""
-    package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
-    *others, plugin = sorted(package.glob("plugin/for_*"))  # a wheel has several
-    for other in others:
-        shutil.rmtree(other)
+    plugin = one_plugin(tmp_path)
     plugin.rename(plugin.with_name("for_2025_7_22_2_0"))
     run, errors = run_ice(NVE, ["env", f"PYTHONPATH={tmp_path}", str(BIN / "lmp"), "-in"])
     assert run.code and len(errors) == 1, run.screen
@@ -293,14 +299,11 @@ def test_another_update(tmp_path, run_ice):
 def test_another_version_of_lammps(tmp_path, run_ice):
     """Locks out silence where the suffix has no effect, and LAMMPS's own fix runs, because the
     plugin is for another version of LAMMPS."""
-    package = shutil.copytree(startup.package(), tmp_path / "fix_nosquish")
-    *others, plugin = sorted(package.glob("plugin/for_*"))
-    for other in others:
-        shutil.rmtree(other)
+    plugin = one_plugin(tmp_path)
     headers = "-DLAMMPS_SMALLBIG", f"-I{PREFIX}/include/lammps", f"-I{mpi_folder()}"
     subprocess.run(
         ["g++", "-shared", "-fPIC", "-DCOMPILED_FOR_LAMMPS=20240829", *headers,
-         package / "plugin/loader.cpp", "-o", plugin / "python_moveplugin.so"],
+         plugin.with_name("loader.cpp"), "-o", plugin / "python_moveplugin.so"],
         check=True,
     )  # fmt: skip
     plugin.rename(plugin.with_name("for_2024_8_29_3_0"))

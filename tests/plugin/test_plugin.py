@@ -6,13 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from support.endings import PLAIN, processes_in
-from support.running import BIN, LAUNCHERS, read_thermo
+from support.endings import PLAIN, assert_ended, processes_in
+from support.running import BIN, LAUNCHERS, read_thermo, wait_for
 
 MELT = """
 units         lj
@@ -85,15 +84,6 @@ def run_mover(run_lammps):
     return run
 
 
-def assert_stopped(run, text, proc=None):
-    """The run failed with one LAMMPS error, and this text in it."""
-    errors = [line for line in run.screen.splitlines() if line.startswith("ERROR")]
-    assert run.code != 0, f"the run went on:\n{run.screen}"
-    assert len(errors) == 1 and text in errors[0], f"not one error with {text!r}:\n{run.screen}"
-    if proc is not None:
-        assert errors[0].startswith(f"ERROR on proc {proc}: "), errors[0]
-
-
 @pytest.mark.quick
 @pytest.mark.parametrize("launcher, ranks", [("lmp", 2), ("module", 1), ("library", 2)])
 def test_equals_fix_nve(run_lammps, run_mover, launcher, ranks):
@@ -139,7 +129,7 @@ RANK = "import os\nrank = int(os.environ['PMI_RANK'])\n"
         ("final_integrate", "library"),
     ],
 )
-def test_error_on_one_rank_ends_all(run_mover, launcher, where):
+def test_error_on_one_rank_ends_all(run_mover, tmp_path, launcher, where):
     """Locks out the hang of LAMMPS's own fix,
     which waits in error->all for ranks that did not fail.
 
@@ -155,7 +145,7 @@ def test_error_on_one_rank_ends_all(run_mover, launcher, where):
     start = time.monotonic()
     run = run_mover("Bad", more, ranks=2, launcher=launcher, check=False, timeout=60)
     assert time.monotonic() - start < 20
-    assert_stopped(run, "ValueError: no such luck", proc=1)
+    assert_ended(run, ["ERROR on proc 1: ", "ValueError: no such luck"], tmp_path)
     assert "line" in run.screen and "in " + where in run.screen, "no traceback on standard error"
 
 
@@ -164,7 +154,7 @@ def test_error_on_one_rank_ends_all(run_mover, launcher, where):
     "where, launcher",
     [("__init__", "lmp"), ("init", "module"), ("initial_integrate", "lmp")],
 )
-def test_run_error_everywhere_is_one_message(run_mover, launcher, where):
+def test_run_error_everywhere_is_one_message(run_mover, tmp_path, launcher, where):
     """Locks out a message per rank, and a traceback, where all ranks know that they fail alike."""
     more = (
         "from fix_nosquish.errors import RunError\n"
@@ -172,7 +162,7 @@ def test_run_error_everywhere_is_one_message(run_mover, launcher, where):
         "        raise RunError('body 7 has {no} mass', everywhere=True)\n"
     )
     run = run_mover("Bad", more, ranks=2, launcher=launcher, check=False, timeout=60)
-    assert_stopped(run, "Fix 1 python/move: body 7 has {no} mass")
+    assert_ended(run, ["Fix 1 python/move: body 7 has {no} mass"], tmp_path)
     assert "Traceback" not in run.screen
     assert "body 7" in run.log, "the message is not in the log file"
 
@@ -200,11 +190,11 @@ def test_error_in_one_partition_ends_all(run_mover, launcher):
     assert "ValueError: no such luck" in run.screen
 
 
-def test_mistake_on_all_ranks_is_one_message(run_mover):
+def test_mistake_on_all_ranks_is_one_message(run_mover, tmp_path):
     """Locks out as many messages as ranks, and an MPI abort, for an ordinary bug in a class."""
     more = "class Bad(NVE):\n    def final_integrate(self):\n        self.nothing\n"
     run = run_mover("Bad", more, ranks=2, check=False, timeout=60)
-    assert_stopped(run, "AttributeError: 'Bad' object has no attribute 'nothing'")
+    assert_ended(run, ["AttributeError: 'Bad' object has no attribute 'nothing'"], tmp_path)
     assert "MPI_Abort" not in run.screen
 
 
@@ -220,25 +210,28 @@ def test_mistake_on_all_ranks_is_one_message(run_mover):
         ("mover.NVE all", "has no attribute 'NVE all'", 1),
     ],
 )
-def test_class_that_is_not_there(run_lammps, ranks, target, text):
+def test_class_that_is_not_there(run_lammps, tmp_path, ranks, target, text):
     """Locks out a hang, a crash or a bare traceback for a misspelt fix line."""
     script = melt(target)
     run = run_lammps(script, files={"mover.py": MOVER}, ranks=ranks, check=False, timeout=60)
-    assert_stopped(run, text)
+    assert_ended(run, [text], tmp_path)
 
 
-def test_unquoted_words(run_lammps):
+def test_unquoted_words(run_lammps, tmp_path):
     """Locks out words that are silently ignored because the quotes are missing."""
     script = MELT.format(fix="fix 1 all python/move mover.NVE all", steps=0)
-    assert_stopped(run_lammps(script, check=False), 'in quotes: "mover.NVE all ..."')
+    run = run_lammps(script, check=False)
+    assert_ended(run, ['in quotes: "mover.NVE all ..."'], tmp_path)
 
 
-def test_class_of_lammps(run_mover):
+def test_class_of_lammps(run_mover, tmp_path):
     """Locks out a class for LAMMPS's own fix python/move, or one that lacks a method, which the
     plugin would not call."""
     more = "class Bad:\n    def __init__(self, ptr): pass\n    def init(self): pass\n"
     run = run_mover("Bad", more, check=False)
-    assert_stopped(run, "'mover.Bad' is no integrator of fix_nosquish (it has no method setup)")
+    assert_ended(
+        run, ["'mover.Bad' is no integrator of fix_nosquish (it has no method setup)"], tmp_path
+    )
 
 
 @pytest.mark.quick
@@ -588,20 +581,6 @@ def test_virial_of_each_atom(run_lammps, ranks, length):
 # ---- signals
 
 
-def parents(folder):
-    """Process number -> that of its parent, of all processes that work in a folder."""
-    results = {}
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            if Path(os.readlink(process / "cwd")) == folder:
-                results[int(process.name)] = int(
-                    (process / "stat").read_text().rsplit(")", 1)[1].split()[1]
-                )
-        except OSError:
-            pass  # ended meanwhile, or another user's
-    return results
-
-
 @pytest.mark.parametrize(
     "launcher, ranks, target, number",
     [
@@ -641,7 +620,7 @@ def test_signal_ends_all(request, tmp_path, launcher, ranks, target, number):
     )
     try:
         wait_for((tmp_path / "reached").exists, 60)
-        tree = parents(tmp_path)
+        tree = {number: parent for number, (parent, _) in processes_in(tmp_path).items()}
         rank = min(tree.keys() - set(tree.values()))
         if target == "all":
             os.killpg(command.pid, number)
@@ -654,17 +633,9 @@ def test_signal_ends_all(request, tmp_path, launcher, ranks, target, number):
         wait_for(lambda: not processes_in(tmp_path), 10)
         assert list(read_thermo((tmp_path / "log.lammps").read_text())["Step"]) == [0, 5, 10]
     finally:
-        for process in parents(tmp_path):
+        for process in processes_in(tmp_path):
             os.kill(process, signal.SIGKILL)
         command.wait(10)
-
-
-def wait_for(condition, seconds):
-    """Return once the condition holds; fail if it takes longer."""
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, f"not within {seconds} s"
-        time.sleep(0.05)
 
 
 def test_mpirun_of_another_mpi(run_lammps):

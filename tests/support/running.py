@@ -2,6 +2,7 @@
 
 import contextlib
 import sys
+import time
 from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
@@ -23,6 +24,14 @@ LAUNCHERS = {
 def mpirun(ranks):
     """The words before a command that is to run on so many ranks."""
     return [str(BIN / "mpirun"), "-np", str(ranks)] if ranks > 1 else []
+
+
+def wait_for(condition, seconds):
+    """Return once the condition holds; fail if it takes longer."""
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.05)
 
 
 class Run(NamedTuple):

@@ -11,7 +11,7 @@ import pytest
 from support import (
     scripts,
 )
-from support.harness import take
+from support.harness import replaced, take
 from validation.running import run
 from validation.sample import scenes as sample_scenes
 from validation.user_script import pair_shift, shapes
@@ -125,9 +125,8 @@ def test_schemes_of_a_script_that_keep_the_momentum_are_known(taken, tmp_path):
     assert set(held(replace(own, reading=own.reading | {"dimension": 2})).values()) == {0, 2}
     loose = replace(own.rigid, body=np.append(own.rigid.body[1:], 0))
     walled = own.reading | {"periodic": [True, True, False]}
-    path = scripts.spce(tmp_path)
-    path.write_text(path.read_text().replace("timestep", "fix pull all addforce 0 0 0\ntimestep"))
-    pulled = take(path, tmp_path / "out")
+    pull = "fix pull all addforce 0 0 0\ntimestep"
+    pulled = take(replaced(scripts.spce(tmp_path), "timestep", pull), tmp_path / "out")
     for pushed in replace(own, rigid=loose), replace(own, reading=walled), pulled:
         assert set(held(pushed).values()) == {0}
 

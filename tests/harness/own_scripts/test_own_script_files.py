@@ -2,14 +2,12 @@
 written to, and the system that is compared is the script's."""
 
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from support.harness import GAS, advised, refused, take
+from support.harness import GAS, advised, refused, run_lmp, take, written
 from support.running import read_thermo
 from validation.__main__ import main
 from validation.running import run, starts
@@ -21,22 +19,12 @@ LENNARD = GAS.replace("pair_style zero 2.0", "pair_style lj/cut 2.0").replace(
 )
 
 
-def written(tmp_path, text, name="in.own"):
-    """A script with these commands."""
-    path = tmp_path / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
-    return path
-
-
 def box(tmp_path, name="start.data"):
     """A data file of the user's."""
-    place = tmp_path / name
-    place.parent.mkdir(parents=True, exist_ok=True)
     lines = ["of a test", "", "4 atoms", "1 atom types", "", *(f"0 6 {a}lo {a}hi" for a in "xyz")]
     atoms = [f"{n} 1 {x} {y} 1" for n, (x, y) in enumerate([(1, 1), (2, 1), (4, 4), (4, 5)], 1)]
-    place.write_text("\n".join([*lines, "", "Masses", "", "1 1", "", "Atoms", "", *atoms, ""]))
-    return place
+    text = "\n".join([*lines, "", "Masses", "", "1 1", "", "Atoms", "", *atoms, ""])
+    return written(tmp_path, text, name)
 
 
 READ = """units lj
@@ -204,9 +192,7 @@ def test_a_wildcard_finds_what_the_script_has_written(tmp_path):
     read = "clear\nread_restart state.*.restart\npair_style zero 2.0\npair_coeff * *\n"
     path = written(tmp_path, write.format(7) + read + RIGID + "run 5\n")
     assert take(path, tmp_path / "none").reading["step"] == 7
-    lmp = str(Path(sys.executable).with_name("lmp"))
-    command = [lmp, "-in", str(written(tmp_path, write.format(3), "in.older")), "-log", "none"]
-    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    run_lmp(written(tmp_path, write.format(3), "in.older"), "-log", "none")
     assert take(path, tmp_path / "older").reading["step"] == 7
     assert [file.name for file in tmp_path.glob("state.*")] == ["state.3.restart"]
 

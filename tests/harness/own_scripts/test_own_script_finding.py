@@ -11,9 +11,8 @@ import pytest
 from support import (
     scripts,
 )
-from support.harness import GAS, Silent, advised, take, with_lines
+from support.harness import GAS, advised, started, take, with_lines, written
 from validation.__main__ import main
-from validation.check import measure as check
 from validation.user_script import candidates, commands, rigid_atoms, shapes
 
 
@@ -92,30 +91,26 @@ def test_keywords_go_into_all_rows_that_have_them(line):
 def test_water_beside_a_molecule_that_shake_holds_in_part(tmp_path):
     """Locks out a rigid part that is none: shake holds a bond of a flexible molecule beside rigid
     water, as scripts of proteins do. Only the water becomes bodies; all begins with each line."""
-    path = scripts.solute(tmp_path)
-    own = take(path, tmp_path / "out")
+    own = take(scripts.solute(tmp_path), tmp_path / "out")
     assert own.bodies == 27
     assert own.rigid.rest and own.rigid.holder
     assert (own.rigid.body[-4:] == 0).all()
-    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
-    assert [row["error"] for row in rows] == [None] * len(rows)
+    started(own, tmp_path / "out")
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_bodies_by_an_atom_style_variable(ranks, tmp_path):
     """Locks out bodies that a variable tells and nobody reads, in LAMMPS's examples/rigid, or that
     are put to the wrong atoms where these are on two ranks."""
-    path = tmp_path / "in.variable"
     told = "variable b atom 5*(id<=2)+2*(id>2)\n"
     mapped = GAS.replace("units lj\n", "units lj\natom_modify map yes\n")
     for one, other in (("1 1 1", "5 4 4"), ("2 1 1", "5 4.8 4"), ("4 4 4", "1 1 1"),
                        ("4 4.8 4", "2 1 1")):  # fmt: skip
         mapped = mapped.replace(f"single {one}", f"single  {other}", 1)
-    path.write_text(mapped + told + "fix 1 all rigid/nve custom v_b\nrun 1\n")
+    path = written(tmp_path, mapped + told + "fix 1 all rigid/nve custom v_b\nrun 1\n")
     own = take(path, tmp_path / "out", ranks)
     assert own.rigid.body.tolist() == [2, 2, 1, 1]
-    rows, _ = check._starts(own, tmp_path / "out", ranks, 300.0, Silent())
-    assert [row["error"] for row in rows] == [None] * len(rows)
+    started(own, tmp_path / "out", ranks)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

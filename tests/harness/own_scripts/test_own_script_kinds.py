@@ -1,9 +1,6 @@
 """User's scripts of five kinds: they begin as in LAMMPS, and each integrator moves them."""
 
 import re
-import subprocess
-import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +10,7 @@ from support import (
     scripts,
 )
 from support.endings import LINEAR
-from support.harness import Silent, take
+from support.harness import replaced, run_lmp, started, take, written
 from validation.check import measure as check
 from validation.compare import case as cases
 from validation.running import lammps_log, run
@@ -58,12 +55,8 @@ def test_each_integrator_moves_each_kind(kind, tmp_path, monkeypatch):
     langevin of LAMMPS's rigid/small does, of 22 Jul 2025).
     """
     monkeypatch.setenv("MALLOC_PERTURB_", "170")
-    path = getattr(scripts, kind)(tmp_path)
-    own = take(path, tmp_path / "out")
-    rows, interrupted = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
-    assert not interrupted
-    assert [row["error"] for row in rows] == [None] * len(rows)
-    kelvin = [row["temperature"] for row in rows]
+    own = take(getattr(scripts, kind)(tmp_path), tmp_path / "out")
+    kelvin = [row["temperature"] for row in started(own, tmp_path / "out")]
     assert np.ptp(kelvin) < 1e-3 * np.mean(kelvin)
     kinds = {one.kind for one in own.integrators.values()}
     assert kinds >= {"ours", "rigid"} and (kind != "spce" or "constraints" in kinds)
@@ -99,14 +92,9 @@ def test_a_fix_that_inserts_molecules_finds_the_bodies_fix(tmp_path, insert):
     replaced that of a grand canonical script without its keyword mol, as one that others lack; and
     a fix that refuses its own state, because steps count from 0 after an earlier run."""
     (tmp_path / "mol.co2").write_text(LINEAR)
-    path = tmp_path / "in.gas"
-    path.write_text(re.sub(r"(?<=fix mc all ).*", insert, GCMC) + "run 9\n")
+    path = written(tmp_path, re.sub(r"(?<=fix mc all ).*", insert, GCMC) + "run 9\n")
     own = take(path, tmp_path / "out", at=1 + insert.startswith("deposit"))
-    own = replace(
-        own, integrators={key: own.integrators[key] for key in ("nosquish", own.reference)}
-    )
-    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
-    assert [row["error"] for row in rows] == [None, None]
+    started(own, tmp_path / "out", only=("nosquish", own.reference))
     for name in "nosquish", own.reference:
         folder = tmp_path / "out" / "runs" / run.folder_name(name)
         counted = lammps_log.timings((folder / "log.lammps").read_text())[-1].atoms
@@ -119,9 +107,7 @@ def test_compare_leaves_out_what_inserts_molecules(tmp_path):
     """Locks out a comparison whose runs all fail, because atoms come, and the advice to try shorter
     steps."""
     (tmp_path / "mol.co2").write_text(LINEAR)
-    path = tmp_path / "in.gas"
-    path.write_text(GCMC)
-    own = take(path, tmp_path / "out")
+    own = take(written(tmp_path, GCMC), tmp_path / "out")
     told: list[str] = []
     same = atom_number.with_constant_atoms(own, told.append)
     assert "Left out" in told[0] and "fix mc all gcmc 5 9" in told[0] and told[0] in same.notes
@@ -178,15 +164,12 @@ def test_a_barostat_beside_a_rigid_fix(tmp_path):
     """Locks out rows that LAMMPS or our fix refuses, or that lose the barostat, where fix npt moves
     the other atoms; and rows without a rigid fix that its computes ask for."""
     (tmp_path / "mol.dimer").write_text(DIMER)
-    path = tmp_path / "in.beside"
-    path.write_text(BESIDE)
-    own = take(path, tmp_path / "out")
+    own = take(written(tmp_path, BESIDE), tmp_path / "out")
     assert own.rigid.ids == ("1", "2") and own.rigid.state.ensemble == "npt"
     (line,) = own.integrators["nosquish"].lines
     assert " nosquish/npt " in line and " flexible solvent" in line
     assert {"rigid/npt", "rigid/npt/small", own.reference} <= own.integrators.keys()
-    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
-    assert [row["error"] for row in rows] == [None] * len(rows)
+    started(own, tmp_path / "out")
     for name in own.integrators:
         thermo = run.collect(tmp_path / "out" / "runs" / run.folder_name(name)).thermo
         assert thermo["PotEng"][0] == pytest.approx(own.reading["potential"], rel=1e-9), name
@@ -208,16 +191,12 @@ def test_a_script_with_the_suffix_has_the_rows_of_one_without(form, taken, tmp_p
     script's suffix has it; and a script's own fix that is told, and left out of the energies, as
     LAMMPS's. Each row is that of the script without a suffix."""
     words, acts = FORMS[form]
-    path = scripts.rings(tmp_path)
-    text = path.read_text().replace("fix bodies", f"{words}\nfix bodies")
-    path.write_text(f"package omp 1\n{text}")
+    path = replaced(scripts.rings(tmp_path), "fix bodies", f"{words}\nfix bodies")
+    path.write_text(f"package omp 1\n{path.read_text()}")
     own, results = take(path, tmp_path / "out"), {}
     for one in own, taken("rings"):
-        kept = {name: each for name, each in one.integrators.items()
-                if name in ("yours", "nosquish", "rigid/nve", "rigid/nve/small")}  # fmt: skip
-        out = Path(one.scene.overlay).parents[1]
-        rows, _ = check._starts(replace(one, integrators=kept), out, 1, 300.0, Silent())
-        assert [row["error"] for row in rows] == [None] * len(rows)
+        kept = {"yours", "nosquish", "rigid/nve", "rigid/nve/small"} & one.integrators.keys()
+        rows = started(one, Path(one.scene.overlay).parents[1], only=sorted(kept))
         results[one is own] = {row["label"]: row["pressure"] for row in rows}
     with_it, without = results[True], results[False]
     yours = with_it.pop("yours: nosquish/nve", None)
@@ -250,18 +229,16 @@ TEMPERATURES = {
 def test_temperature_and_pressure_are_the_scripts(which, tmp_path):
     """Locks out temperatures and pressures of other computes than the script's, by which bodies of
     spheres cannot even begin: held against what LAMMPS prints for the script itself."""
-    periodic = "wall" not in TEMPERATURES[which]
     lines = f"{TEMPERATURES[which]}\nthermo_modify norm no"
     path = scripts.spheres(tmp_path, lines)
-    if not periodic:
-        path.write_text(path.read_text().replace("lattice", "boundary p p f\nlattice"))
-    command = [str(Path(sys.executable).with_name("lmp")), "-in", path.name, "-log", "log"]
-    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    if "wall" in lines:
+        replaced(path, "lattice", "boundary p p f\nlattice")
+    run_lmp(path, "-log", "log")
     theirs = lammps_log.thermo((tmp_path / "log").read_text())
     own = take(path, tmp_path / "out")
     assert own.reading["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5)
-    rows, _ = check._starts(own, tmp_path / "out", 1, 300.0, Silent())
-    assert [row["error"] for row in rows] == [None] * len(rows) and len(rows) > 3
+    rows = started(own, tmp_path / "out")
+    assert len(rows) > 3
     for row in rows:
         assert row["temperature"] == pytest.approx(theirs["Temp"][0], rel=1e-5), row["label"]
     assert own.integrators[rows[0]["name"]].kind == "rigid"  # the script's own

@@ -4,8 +4,6 @@ Held against LAMMPS itself, which runs the same script as it is.
 """
 
 import json
-import subprocess
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -15,8 +13,7 @@ import pytest
 from support import (
     scripts,
 )
-from support.harness import GAS, Silent, advised, refused, take
-from validation.check import measure as check
+from support.harness import GAS, advised, refused, run_lmp, started, take, written
 from validation.running import machine, run
 from validation.user_script import candidates, commands, loader, rigid_atoms, shapes
 
@@ -26,10 +23,8 @@ def test_words_are_lammpss(tmp_path):
     prints what it was told, in words that need each kind of quotes."""
     said = "a # b", "'c' d", '"e"', "$x & y", "", "f\tg", "# \"h\" 'i'", "two\nlines"
     texts = [["print", word, "file", f"{n}"] for n, word in enumerate(said)]
-    path = tmp_path / "in.words"
-    path.write_text("variable x string no\n" + "\n".join(map(commands.join_words, texts)) + "\n")
-    command = [str(Path(sys.executable).with_name("lmp")), "-in", path.name, "-log", "none"]
-    subprocess.run(command, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
+    lines = ["variable x string no", *map(commands.join_words, texts), ""]
+    run_lmp(written(tmp_path, "\n".join(lines)), "-log", "none")
     for words, file in zip(texts, map(str, range(len(said)))):
         assert commands.split_words(commands.join_words(words)) == words
         assert (tmp_path / file).read_text() == words[1].replace("$x", "no") + "\n"
@@ -42,8 +37,8 @@ def test_the_commands_are_those_that_lammps_does(tmp_path):
     than one letter, and there are several of one variable."""
     more = 'variable old string ${text}\nvariable text string "${old}+m"\n'
     (tmp_path / "more.in").write_text(more)
-    path = tmp_path / "in.loop"
-    path.write_text(
+    path = written(
+        tmp_path,
         GAS
         + """variable text string s
 variable n index 2
@@ -68,14 +63,12 @@ fix 1 all rigid/nve group 2 a b
 timestep $(v_t/1000)
 print "says ${text} $t"
 run 1
-"""
+""",
     )
     several = (("n", "12"), ("w", "left", "right"))
     for variables in (), several:
         more = [word for one in variables for word in ("-var", *one)]
-        command = ["lmp", "-in", str(path), "-log", str(tmp_path / "log"), *more]
-        subprocess.run([str(Path(sys.executable).with_name(command[0])), *command[1:]], check=True,
-                       cwd=tmp_path, stdout=subprocess.DEVNULL)  # fmt: skip
+        run_lmp(path, "-log", "log", *more)
         log = (tmp_path / "log").read_text()
         told = next(line for line in log.splitlines() if line.startswith("says ")).split()[1:]
         own = take(path, tmp_path / "out", variables=variables)
@@ -148,8 +141,7 @@ def test_a_script_with_ours_is_read_as_ours_is(staged):
     yours = own.integrators["yours"]
     assert yours.then == ("fix_modify 1 virial yes",)
     assert any("own integrator only: fix_modify 1 virial yes." in line for line in own.notes)
-    rows, _ = check._starts(own, folder / "out", 1, 300.0, Silent())
-    assert [row["error"] for row in rows] == [None] * len(rows)
+    started(own, folder / "out")
     held = replace(result, constraints="b 1")
     lines = next(candidates._constrained(held)).commands(own.scene)
     assert lines[0] == "group own_all union bodies points" and "own_all nvt" in lines[1]
@@ -182,10 +174,10 @@ def test_what_a_run_changes_is_changed_once_in_two_dimensions(tmp_path):
     flat = GAS.replace("units lj\n", "units lj\ndimension 2\n").replace("6 0 6\n", "6 -0.5 0.5\n")
     flat = flat.replace("1 1\ncreate", "1 0\ncreate").replace(" 4\n", " 0\n")
     flat = flat.replace("group b id 3 0\n", "group b id 3 4\n")
-    path = tmp_path / "in.flat"
-    path.write_text(
+    path = written(
+        tmp_path,
         flat + "velocity all create 1 5\nfix plane all enforce2d\nfix 1 a rigid/nve single\n"
-        "fix box all deform 1 x delta 0 3 remap none\nrun 10\n"
+        "fix box all deform 1 x delta 0 3 remap none\nrun 10\n",
     )
     own = take(path, tmp_path / "out")
     how = {"dt": 0.001, "every": 0}

@@ -113,21 +113,6 @@ def test_an_output_folder_that_cannot_be_made_is_told(tmp_path, monkeypatch, cap
 
 
 @pytest.mark.parametrize(
-    ("command", "said"),
-    [
-        ("srun", "{ranks} is missing"),
-        ("nolauncher -n {ranks}", "there is no program nolauncher"),
-        ("", "{ranks} is missing"),
-    ],
-)
-def test_a_launcher_that_cannot_start_ranks_is_refused(capsys, command, said):
-    """Locks out runs on another number of ranks than the table says, and a traceback."""
-    with pytest.raises(SystemExit) as end:
-        main(["compare", "water", "--launch", command])
-    assert end.value.code == 2 and said in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
     "words",
     [
         *("claims", "claims theory", "report"),

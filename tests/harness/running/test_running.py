@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.running import ROOT
+from support.running import ROOT, wait_for
 from validation.running import lammps_log, run
 from validation.scenes import Scene
 from validation.scenes.data_file import data_file
@@ -153,13 +153,9 @@ def test_ranks_end_with_a_harness_that_is_killed():
     )
     how: dict = {"stdout": subprocess.PIPE, "text": True, "cwd": ROOT}
     with subprocess.Popen([sys.executable, "-c", code], **how) as harness:
-        assert harness.stdout
-        begun = int(harness.stdout.readline())
+        assert harness.stdout and int(harness.stdout.readline())
         harness.kill()
-    until = time.monotonic() + 10
-    while running("time.sleep(50)"):
-        assert time.monotonic() < until, f"process {begun} is left"
-        time.sleep(0.1)
+    wait_for(lambda: not running("time.sleep(50)"), 10)
 
 
 @pytest.mark.timeout(120)
@@ -186,10 +182,7 @@ def test_a_verb_in_the_background_ends_all_by_a_signal(tmp_path, sign):
             stderr=subprocess.STDOUT,
         )
     try:
-        until = time.monotonic() + 60
-        while not any(tmp_path.rglob("log.lammps")):
-            assert time.monotonic() < until and verb.poll() is None
-            time.sleep(0.1)
+        wait_for(lambda: any(tmp_path.rglob("log.lammps")), 60)
         for _ in range(3):
             verb.send_signal(sign)
             time.sleep(0.02)
@@ -342,10 +335,7 @@ def test_a_signal_at_a_bad_moment_leaves_no_process(unfinished, monkeypatch, mom
     except KeyboardInterrupt:  # it would end pytest
         pytest.fail("the signal has passed through")
     assert result.interrupted and result.error == run.INTERRUPTED
-    until = time.monotonic() + 10
-    while running(str(run.WORKER)):
-        assert time.monotonic() < until, "processes are left"
-        time.sleep(0.1)
+    wait_for(lambda: not running(str(run.WORKER)), 10)
     assert signal.getsignal(signal.SIGTERM) is signal.default_int_handler
 
 

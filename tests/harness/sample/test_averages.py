@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 
 from validation.sample import measure, scenes, schemes
-from validation.sample.plan import DIPOLE, SAMPLED
+from validation.sample.plan import DIPOLE
 from validation.scenes.units import BOLTZMANN
 from validation.statistics import limit, measures, precision, refined, structure
 from validation.statistics.estimate import Estimate
@@ -48,7 +48,8 @@ def test_the_limit_of_exact_numbers():
 @pytest.mark.parametrize("freedom", [None, 11])
 def test_the_limits_error_covers(freedom):
     """Locks out an error of U0 or of a bias that is too small or too large: of 1,500 samples the
-    95 % interval has the truth in 95 %, of points in the fit, outside of it, and of their chi2."""
+    95 % interval has the truth in 95 %, of points in the fit, outside of it, and of their chi2,
+    which agrees with less than everything."""
     rng = np.random.default_rng(5)
     inside: dict = dict.fromkeys((None, *STEPS), 0)
     agree, number = 0, 1500
@@ -85,14 +86,6 @@ def test_a_point_of_the_fit_is_correlated_with_it():
     result = fit(points)
     assert result.limit == Estimate(-9.0, 0.04) and result.bias(("exact", 6.0)).error == 0
     assert result.bias(("other", 2.0)).error == pytest.approx(0.05)
-
-
-def test_a_wrong_model_is_seen():
-    """Locks out a chi2 that agrees with everything."""
-    points = {key: Estimate(exact(*key), error) for key, error in STEPS.items()}
-    points["exact", 6.0] = Estimate(-8.7, 0.04)
-    result = fit(points)
-    assert not result.agrees and result.probability < 1e-4
 
 
 def test_no_limit():
@@ -215,9 +208,8 @@ def test_two_states_of_series(wide, low, high):
 def test_independent_samples():
     """Locks out samples that remember each other: of two series the slower one counts."""
     rng = np.random.default_rng(5)
-    fast, slow = rng.normal(size=20000), np.zeros(20000)
-    for i in range(1, len(slow)):
-        slow[i] = 0.9 * slow[i - 1] + fast[i]
+    fast = rng.normal(size=20000)
+    slow = signal.lfilter([1], [1, -0.9], fast)
     for times in 1, 4:
         apart = len(slow) / measure.thin(fast, slow, times=times).shape[1]
         assert apart == pytest.approx(1.9 / 0.1 / times, rel=0.2)  # (1 + 0.9) / (1 - 0.9)
@@ -249,36 +241,6 @@ def test_the_scatter_of_starts_tells_their_errors():
     assert pooled(2, 0.0).margin == pytest.approx(12.706 * 0.05, 1e-3)
 
 
-@pytest.mark.timeout(300)
-def test_margins_of_several_starts_cover():
-    """Locks out a margin that covers too seldom or too often, and one that is of no use with two
-    starts: of AR(1) noise with correlation times of 0.2 to 5 ps, as long as a run of 300 ps and
-    sampled as one is.
-
-    The scatter alone covers 95 %, with margins that are 4.5, 1.9 and 1.2 times those of an error
-    that is known.
-    """
-    samples, series = round(300e3 / SAMPLED), 720
-    rng, covered = np.random.default_rng(11), {2: [], 3: [], 8: []}
-    for time in 0.2, 1.0, 5.0:  # ps
-        phi = np.exp(-SAMPLED / 1e3 / time)
-        white = np.sqrt(1 - phi**2) * rng.normal(size=(series, samples))
-        white[:, 0] /= np.sqrt(1 - phi**2)
-        results = [measures.mean(signal.lfilter([1], [1, -phi], one)) for one in white]
-        exact = np.sqrt((1 + phi) / (1 - phi) / samples)
-        for number in covered:
-            # each with others beside it, so that there are as many groups of them as series
-            turns = np.array([rng.permutation(series) for _ in range(number)])
-            rows = turns.reshape(-1, number)
-            some = [measures.mean_of_starts([results[one] for one in row]) for row in rows]
-            covered[number].append(np.mean([abs(one.value) < one.margin for one in some]))
-            usual = np.median([one.margin for one in some])
-            assert usual < 1.2 * 1.96 * exact / np.sqrt(number)
-    for number, those in covered.items():
-        assert all(0.93 < one < 0.98 for one in those), (number, those)
-        assert 0.93 < np.mean(those) < 0.98, (number, those)
-
-
 @pytest.mark.parametrize("starts", [1, 2, 5])
 def test_the_error_of_a_dipoles_fluctuation_covers(starts):
     """Locks out margins that are too sure of how much runs of five memories remember: they covered
@@ -295,14 +257,18 @@ def test_the_error_of_a_dipoles_fluctuation_covers(starts):
 
 
 def test_dipoles_of_all_starts_together():
-    """Locks out the memory of the dipole from each start by itself, or in samples."""
+    """Locks out the memory of the dipole from each start by itself, or in samples; and the variance
+    of one start for that of all."""
     rng, plan, memory, starts = np.random.default_rng(9), scenes.SCENES["water"](None), 40.0, []
     rest = dict.fromkeys(("PotEng", "Press", "Volume"), np.ones(4000))
     for _ in range(4):
         columns = {key: remembering(rng, 4000, memory) for key in DIPOLE}
         table = rest | columns | {"Time": 24.0 * np.arange(4000)}
         starts.append(measure.of_series(table, plan, plan.schemes["nh"]))
-    remembers = measure.pool(starts).remembers["dipole"]
+    pooled = measure.pool(starts)
+    variances = [one.variances["dipole"] for one in starts]
+    assert pooled.variances["dipole"] == pytest.approx(np.mean(variances)) != variances[0]
+    remembers = pooled.remembers["dipole"]
     assert remembers.value == pytest.approx(0.024 * memory, rel=0.15)
     assert remembers.freedom == 3 * 4 - 1
 

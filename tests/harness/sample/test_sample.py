@@ -193,12 +193,6 @@ def test_the_kinetic_energy_is_canonical(tmp_path, name, dof):
     assert far("rigid/nvt/small", 0, plan.temperature) is None
 
 
-def test_variances_of_all_starts():
-    """Locks out the noise of one start for that of all."""
-    some = [measure.Numbers({}, {}, {"potential": one}) for one in (1.0, 3.0)]
-    assert measure.pool(some).variances == {"potential": 2.0}
-
-
 def found_of(plan, numbers, costs):
     """What a point gave: {point: (means, memories, variances)}, and costs in each round."""
     result = measure.Results(costs=costs)

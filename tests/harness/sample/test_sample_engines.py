@@ -1,7 +1,6 @@
 """Other engines of the verb sample: what they are given, what is read of them, how runs end."""
 
 import json
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from support.running import BIN
+from support.harness import run_lmp, written
 from validation.__main__ import main
 from validation.running import run
 from validation.sample import engine, gromacs_engine, measure, openmm_engine, scenes
@@ -29,15 +28,15 @@ def test_openmm_has_the_scenes_forces(tmp_path):
     """Locks out another cutoff, unit, charge or mixing in OpenMM than LAMMPS has: energy and force
     on each atom of one configuration."""
     openmm = pytest.importorskip("openmm", reason="the extra 'engines' is not installed")
-    (tmp_path / "in.one").write_text(
+    script = written(
+        tmp_path,
         "\n".join(SCENE.setup)
         + "\nthermo_modify norm no format float %.15g\nrun 0\nprint $(pe) file pe.txt\n"
-        + "write_dump all custom forces.txt fx fy fz modify sort id format float %.15g\n"
+        + "write_dump all custom forces.txt fx fy fz modify sort id format float %.15g\n",
     )
     for file in SCENE.folder.iterdir():
         (tmp_path / file.name).write_bytes(file.read_bytes())
-    words = [BIN / "lmp", "-in", "in.one", "-log", "none", "-screen", "none"]
-    subprocess.run(words, cwd=tmp_path, check=True, timeout=60)
+    run_lmp(script, "-log", "none", "-screen", "none")
     expected = float((tmp_path / "pe.txt").read_text())
     forces = np.loadtxt(tmp_path / "forces.txt", skiprows=9)
     given = openmm_engine.ENGINE.job(COURSE, WATER, tmp_path, 1.0).input
