@@ -12,7 +12,6 @@ import re
 import shlex
 import sys
 import textwrap
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,7 +24,6 @@ from validation.compare import choice  # noqa: E402
 from validation.report import replacements, report  # noqa: E402
 from validation.sample import answers, extrapolation  # noqa: E402
 from validation.sample.observables import BY_KEY  # noqa: E402
-from validation.statistics.check import VERDICTS  # noqa: E402
 from validation.statistics.estimate import Estimate  # noqa: E402
 from validation.statistics.measures import difference  # noqa: E402
 
@@ -228,10 +226,11 @@ def table(folder, title, *keys):
     return styled(pages.markdown(replace(chosen, rows=rows), keys))
 
 
-def printed(folder):
-    """What a verb prints, without its tables."""
+def printed(folder, *without):
+    """What a verb prints, without its tables, and without the lines that begin so."""
     told = report_of(folder)
-    lines = (part for line in (told.answer, *told.lines) for part in textwrap.wrap(line, 110))
+    shown = (line for line in (told.answer, *told.lines) if not line.startswith(without))
+    lines = (part for line in shown for part in textwrap.wrap(line, 110))
     return "\n".join(["```{code-block} text", *lines, "```"])
 
 
@@ -387,14 +386,6 @@ def gains(*folders):
     return markdown(["liquid", "ours", "times less CPU time", "not decided"], body)
 
 
-def verdicts():
-    """How many numbers of all folders of `sample` are within the bounds, a sentence."""
-    folders = [path.parent.name for path in RESULTS.glob("sample-*/checks.csv")]
-    count = Counter(row["verdict"] for folder in folders for row in rows(folder, "checks"))
-    counts = ", ".join(f"{verdict}: {count[verdict]}" for verdict in VERDICTS)
-    return f"Of {count.total()} bounds, in {len(folders)} sets of runs: {counts}."
-
-
 def estimate(average):
     """A number of a summary with its 95 % margin; nothing for one that is refused."""
     known = Estimate(None) if average.get("why") else Estimate.of(average)
@@ -481,7 +472,7 @@ FILLS = {
     function.__name__: function
     for function in (
         *(compare_water, compare_times, cases, reported, own_scripts),
-        *(step_zero, comparison, gains, verdicts),
+        *(step_zero, comparison, gains),
         *(scene, holding, checks, printed, table, what_to_type, listing),
     )
 }

@@ -24,7 +24,7 @@ RULE = (
     f"Met: with {SURE} confidence, corrected for several integrators, all errors of the step and "
     "of the shorter ones are within the targets, or those of a long run of this step or a longer "
     f"one. Not met: an error of the step, or of a shorter one, is above its target with {SURE} "
-    "confidence. Undecided: all others, and steps above two thirds of one that fails."
+    "confidence. Cannot tell: all others, and steps above two thirds of one that fails."
 )
 Targets = Mapping[str, float]
 

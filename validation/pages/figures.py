@@ -71,7 +71,7 @@ def label_ends(axis: Axes, ends: Sequence[tuple[float, float, str, str]]) -> Non
     for (place, text, colour), y in zip(at, places):
         share = (y - over - bottom) / (top - bottom)
         end = ((place[0] - left) / (right - left), (place[1] - bottom) / (top - bottom))
-        arrow = {"arrowstyle": "-", "color": colour, "lw": 0.6, "shrinkA": 0, "shrinkB": 3}
+        arrow = {"arrowstyle": "-", "color": PALE, "lw": 0.6, "shrinkA": 0, "shrinkB": 3}
         axis.annotate(
             *(text, end, (1.03, share)),
             xycoords="axes fraction", textcoords="axes fraction", arrowprops=arrow,
