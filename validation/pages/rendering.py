@@ -21,7 +21,7 @@ from .figures import STYLE
 
 TEMPLATES = Path(__file__).parent / "templates"
 COLOURS = {"good": "green", "bad": "red", "open": "dim"}  # in the terminal
-PALETTE = 64  # colours of a PNG; lines and text need no more
+PALETTE = 256  # colours of a PNG; lines and text need no more
 FOLDED = 40  # rows; the page folds longer tables
 GUTTER = (0, 1, 0, 0)  # of the terminal's tables
 
