@@ -30,7 +30,7 @@ from validation.statistics.measures import difference  # noqa: E402
 RESULTS = ROOT / "validation" / "results"
 PAGES = ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))
 MARKS = re.compile(r"(<!-- results: (.*?) -->\n).*?(<!-- end of results -->)", re.DOTALL)
-OURS = "fix_nosquish.NVE"
+OURS = "nosquish/nve"
 NOTHING = "–"
 SPENT = "CPU time median (s/ns)"
 NBSP = "\N{NO-BREAK SPACE}"
@@ -248,27 +248,10 @@ def checks(folder, *titles):
 
 
 def styled(text):
-    """The text with minus signs, and with the styles and keywords of the fix line in place of the
-    results' names for them."""
-    text = re.sub(r"(?<![\w.)-])-(?=[\d.])", "−", re.sub(r"(?<![\w.)-])-0 ±", "0 ±", text))
-    for pattern, words in NATIVE:
-        text = re.sub(pattern, words, text)
-    return text
+    """The text with minus signs."""
+    return re.sub(r"(?<![\w.)-])-(?=[\d.])", "−", re.sub(r"(?<![\w.)-])-0 ±", "0 ±", text))
 
 
-NATIVE = (
-    (r"fix_nosquish\.(NV[ET]|NP[TH]|HMC)", lambda match: f"nosquish/{match[1].lower()}"),
-    (
-        r"\b(NVT|NPT) (langevin|csvr|nh)\b(?: (\d+)/ps)?",
-        lambda match: (
-            f"nosquish/{match[1].lower()} {match[2]}, TDAMP {1000 / int(match[3] or 5):g} fs"
-        ),
-    ),
-    (r"\bHMC,", "nosquish/hmc,"),
-    (r"\bmoments of (?:the )?([\d.]+|step)(?: amu Å²)?", r"moments \1"),
-    (r"\bmoments (?=\d)", "moments equal "),
-    (r"\b(\d+) times the moments", r"moments scale \1"),
-)
 PLAIN = {"U/N": "energy", "dipole fluctuation": "dipole"}
 
 

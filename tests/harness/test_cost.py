@@ -176,7 +176,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     monkeypatch.setitem(BENCHMARKED, "broken", broken)
     summary, begun = small(integrators=("broken", "nosquish", "rigid/nve"))
     turns = [label.rsplit(", ", 2)[1:] for label in begun]
-    three = ["fix_nosquish.NVE", "rigid/nve", "nve/noforce"]
+    three = ["nosquish/nve", "rigid/nve", "nve/noforce"]
     assert sorted(turns) == sorted(
         [["broken", "1/2"]] + [[name, turn] for turn in ("1/2", "2/2") for name in three]
     )
@@ -195,7 +195,7 @@ def test_bench_from_end_to_end(small, monkeypatch, tmp_path):
     assert theirs["modify_ratio"]["values"] == pytest.approx(pairs)
     pages.write(report.describe(summary), summary, tmp_path)
     table = list(csv.DictReader((tmp_path / "table.csv").open()))
-    assert [row["integrator"] for row in table] == ["broken", "fix_nosquish.NVE", "rigid/nve"]
+    assert [row["integrator"] for row in table] == ["broken", "nosquish/nve", "rigid/nve"]
     assert (
         "no/such/fix" in table[0]["status"]
         and float(table[1]["Modify median (µs/step)"]) == ours["modify"]["median"]

@@ -44,7 +44,7 @@ STEPS = 1, 3, 10, 30, 100, 300, 1000
 REVERSED = 300
 RETURNED = 1e-10  # largest remaining distance, Angstrom
 INTEGRATORS = [
-    nosquish("NVE", "fix_nosquish.NVE"),
+    nosquish("NVE", "nosquish/nve"),
     *(nosquish(name, name, scheme=name) for name in OLDER),
     *(rigid(style) for style in ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
     *(constrained(style, "1e-4") for style in ("shake", "rattle")),

@@ -75,9 +75,14 @@ class Answer:
     def usual(self) -> Measured | None:
         """The script's own line at its own step, if it was measured."""
         usual = self.summary.get("usual")
-        own = (point for point in self.every if point["cpu"]
-               and usual == {"integrator": point["integrator"], "dt": point["dt"]})  # fmt: skip
-        return next(own, None)
+        return next(
+            (
+                x
+                for x in self.every
+                if x["cpu"] and usual == {"integrator": x["integrator"], "dt": x["dt"]}
+            ),
+            None,
+        )
 
     @property
     def nearest(self) -> Measured | None:
@@ -85,8 +90,8 @@ class Answer:
         any, and of those that save time if there are any; None if no candidate has all errors."""
         measurable = [x for x in self.candidates if self.targets.keys().isdisjoint(x["without"])]
         able = [point for point in measurable if self.verdict(point) == VERDICTS[None]]
-        most = FASTER * cost(self.usual) if self.usual else 0.0
-        faster = [point for point in able if point["cpu"] and cost(point) < most]
+        least = FASTER * cost(self.usual) if self.usual else 0.0
+        faster = [x for x in able if x["cpu"] and cost(x) < least]
         near = nearest(faster or able or measurable, self.targets) if self.targets else None
         return near and near[0]
 

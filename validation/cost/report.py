@@ -44,7 +44,7 @@ NOTES = {
     "Modify": "Time in all fixes, also those that solve charges: row Modify of LAMMPS's timing "
     "table, average over ranks. Median [minimum–maximum] over the rounds, as in the columns that "
     "follow.",
-    "ours / it": f"The time of fix_nosquish.NVE divided by that of this integrator, both of the "
+    "ours / it": f"The time of nosquish/nve divided by that of this integrator, both of the "
     f"same round: geometric mean with the {SURE} confidence interval, from the scatter between "
     "rounds. Below 1 ours is faster.",
     "CPU time": "CPU time of a whole step, mean over ranks. Other work on the machine changes it "

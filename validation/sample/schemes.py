@@ -33,10 +33,9 @@ RAW = "fix raw {group} store/force"
 
 
 class Moments(NamedTuple):
-    """A choice of moments of inertia: ends of a scheme's name, label and fix line."""
+    """A choice of moments of inertia: ends of a scheme's name and fix line."""
 
     name: str = ""
-    label: str = ""
     words: str = ""
 
 
@@ -51,7 +50,6 @@ class Thermostat(NamedTuple):
     """
 
     name: str
-    label: str
     damping: float
     words: str
     reach: float | None = 6.0
@@ -59,7 +57,7 @@ class Thermostat(NamedTuple):
     refined: bool = False
 
 
-OWN, OF_STEP = Moments(), Moments("-step", ", moments of the step", " moments step")
+OWN, OF_STEP = Moments(), Moments("-step", " moments step")
 EQUAL, SCALED = (2.0, 3.0, 6.0, 9.0), (2.0, 4.0, 6.0)  # amu Angstrom^2 of water; factors of others
 # our schemes that run by default
 USUAL = (
@@ -74,16 +72,14 @@ def _thermostats() -> Iterator[Thermostat]:
     by their inverse damping time."""
     for rate in (0.5, 1.0, 2.0, 5.0, 20.0):
         words, reach = f"langevin seed {SEED}", 8.0 if rate == 20.0 else 6.0
-        yield Thermostat(
-            f"langevin-{rate:g}", f"langevin {rate:g}/ps", 1e3 / rate, words, reach, held=0
-        )
+        yield Thermostat(f"langevin-{rate:g}", 1e3 / rate, words, reach, held=0)
     noise = f"csvr seed {SEED}"
-    yield Thermostat("csvr", "csvr", DAMPING, noise)
-    yield Thermostat("nh", "nh", DAMPING, "nh")
+    yield Thermostat("csvr", DAMPING, noise)
+    yield Thermostat("nh", DAMPING, "nh")
     # a refined average has no error of second order, so its limit of small steps is another
     more: dict = {"reach": None, "refined": True}
-    yield Thermostat("csvr-refined", "csvr 50/ps, refined", 20.0, noise, **more)
-    yield Thermostat("nh-refined", "nh 10/ps, refined", 100.0, "nh", **more)
+    yield Thermostat("csvr-refined", 20.0, noise, **more)
+    yield Thermostat("nh-refined", 100.0, "nh", **more)
 
 
 THERMOSTATS = [*_thermostats()]
@@ -159,6 +155,12 @@ def state(temperature: float, damping: float, pressure: float | None = None) -> 
     return f"{words} iso {pressure:g} {pressure:g} {PRESSURE_DAMPING:g}"
 
 
+def _label(style: str, words: str, damping: float) -> str:
+    """A scheme's label: the words after ``thermostat`` as on the fix line, without the seed."""
+    kind, *rest = words.replace(f" seed {SEED}", "").split(maxsplit=1)
+    return ", ".join([f"nosquish/{style} {kind}", f"TDAMP {damping:g} fs", *rest])
+
+
 def ours(name: str, label: str, words: str, style: str, **more: Any) -> Scheme:
     """A scheme of this package."""
     return Scheme.of(nosquish(name, label, words, style), **more)
@@ -196,17 +198,12 @@ class Bodies:
         """The choices of moments of inertia, larger ones after smaller ones."""
         if self.equal:
             return [_equal(size) for size in EQUAL]
-        return [
-            Moments(
-                f"-scale-{times:g}", f", {times:g} times the moments", f" moments scale {times:g}"
-            )
-            for times in SCALED
-        ]
+        return [Moments(f"-scale-{times:g}", f" moments scale {times:g}") for times in SCALED]
 
 
 def _equal(size: float) -> Moments:
     """Moments of this size about all axes, amu Angstrom^2."""
-    return Moments(f"-equal-{size:g}", f", moments of {size:g} amu Å²", f" moments equal {size:g}")
+    return Moments(f"-equal-{size:g}", f" moments equal {size:g}")
 
 
 def constant_volume(bodies: Bodies) -> dict[str, Scheme]:
@@ -233,8 +230,10 @@ def _nosquish(bodies: Bodies) -> list[Scheme]:
     exact: dict = {"style": "HMC", "stride": HYBRID, "reach": math.inf}
     # with many bodies no long step is accepted without larger moments
     for moments, steps in ((OWN, (2.0, 4.0, 6.0)), (bodies.moments[-1], (8.0, 10.0))):
-        label, words = f"HMC, {HYBRID} steps{moments.label}", chance + moments.words
-        schemes.append(ours(f"hmc{moments.name}", label, words, steps=steps, **exact))
+        label = f"nosquish/hmc, {HYBRID} steps{',' * bool(moments.words)}{moments.words}"
+        schemes.append(
+            ours(f"hmc{moments.name}", label, chance + moments.words, steps=steps, **exact)
+        )
     lines = [(*scheme.lines[:-1], scheme.lines[-1] + bodies.flexible) for scheme in schemes]
     return [
         replace(scheme, lines=commands, whole=bool(bodies.rest))
@@ -253,7 +252,8 @@ def _middle(bodies: Bodies, thermostat: Thermostat, moments: Moments) -> Scheme:
     name = thermostat.name + moments.name
     return ours(
         name,
-        f"NVT {thermostat.label}{moments.label}",
+        _label("nvt", thermostat.words + moments.words, thermostat.damping)
+        + ", refined" * thermostat.refined,
         f"{state(bodies.temperature, thermostat.damping)} thermostat {thermostat.words}"
         f"{moments.words}",
         "NVT",
@@ -348,22 +348,19 @@ def at_pressure(temperature: float) -> dict[str, Scheme]:
 def _barostats(temperature: float) -> Iterator[Scheme]:
     """Yield this package's barostats."""
     middle, larger = f"langevin seed {SEED}", _equal(6.0)
-    for name, label, words, damping, held, reach, states in (
-        ("npt-langevin", "NPT langevin 5/ps", middle, DAMPING, 0, 6.0, STATES),
-        ("npt-langevin-20", "NPT langevin 20/ps", middle, STRONG, 0, 8.0, STATES[:1]),
-        (
-            f"npt-langevin-20{larger.name}", f"NPT langevin 20/ps{larger.label}",
-            middle + larger.words, STRONG, 0, 12.0, STATES[:1],
-        ),
-        ("npt-csvr", "NPT csvr", f"csvr seed {SEED}", DAMPING, 3, 6.0, STATES),
-        ("npt-mtk", "NPT nh, mtk", "nh barostat mtk", DAMPING, 3, 6.0, STATES),
-    ):  # fmt: skip
+    for name, words, damping, held, reach, states in (
+        ("npt-langevin", middle, DAMPING, 0, 6.0, STATES),
+        ("npt-langevin-20", middle, STRONG, 0, 8.0, STATES[:1]),
+        (f"npt-langevin-20{larger.name}", middle + larger.words, STRONG, 0, 12.0, STATES[:1]),
+        ("npt-csvr", f"csvr seed {SEED}", DAMPING, 3, 6.0, STATES),
+        ("npt-mtk", "nh barostat mtk", DAMPING, 3, 6.0, STATES),
+    ):
         for ending, suffix, warmer, pressure in states:
             first: dict = {"steps": (2.0, 4.0, 6.0, 8.0), "reach": reach}
             other: dict = {"steps": (2.0, 6.0), "first": name}
             yield ours(
                 name + ending,
-                label + suffix,
+                _label("npt", words, damping) + suffix,
                 f"{state(temperature + warmer, damping, pressure)} thermostat {words}",
                 "NPT",
                 held=held,

@@ -94,7 +94,7 @@ def _by_name(*integrators: Integrator) -> dict[str, Integrator]:
 
 
 INTEGRATORS = _by_name(
-    nosquish(OURS, "fix_nosquish.NVE"),
+    nosquish(OURS, "nosquish/nve"),
     *map(rigid, ("rigid/nve", "rigid/nve/small", "rigid", "rigid/small")),
     *(constrained(style, "1e-4") for style in CONSTRAINING),
 )
