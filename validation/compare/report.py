@@ -17,6 +17,7 @@ LEAST_ROOM = 0.25  # least distance between error and target, relative, when a b
 FAR = 100  # times a budget: estimates of larger ones, from few samples, are chance
 VERDICTS = {True: "met", False: "not met", None: "cannot tell"}
 FEW = 4  # points that are listed
+NEAR = 3.0  # ratio of an error's upper end to its target, beyond which nothing is said of a step
 BUSY = 90.0  # percent of a core; below it the machine was busy
 FASTER = 0.95  # largest ratio of costs at which another thermostat is worth mentioning
 NOTES = {
@@ -87,13 +88,16 @@ class Answer:
     @property
     def nearest(self) -> Measured | None:
         """The candidate that exceeds the targets least, of those whose verdict is open if there are
-        any, and of those that save time if there are any; None if no candidate has all errors."""
+        any, and of those that save time if there are any; None if none comes near (`NEAR`)."""
         measurable = [x for x in self.candidates if self.targets.keys().isdisjoint(x["without"])]
         able = [point for point in measurable if self.verdict(point) == VERDICTS[None]]
-        least = FASTER * cost(self.usual) if self.usual else 0.0
-        faster = [x for x in able if x["cpu"] and cost(x) < least]
-        near = nearest(faster or able or measurable, self.targets) if self.targets else None
-        return near and near[0]
+        faster = [
+            x for x in able if self.usual and x["cpu"] and cost(x) < FASTER * cost(self.usual)
+        ]
+        near = (
+            nearest(points, self.targets) for points in (faster, able or measurable) if self.targets
+        )
+        return next((found[0] for found in near if found and found[1] < NEAR), None)
 
     def within(self, point: Measured) -> str:
         """A point's errors with their targets, as text."""

@@ -250,7 +250,7 @@ def test_what_is_printed_runs_as_it_is(which, tmp_path, run_lammps, capsys):
     columns = "thermo_style custom step time temp pe\nthermo_modify norm no\nrun 3"
     case = cases.of_script(own)
     for one in own.integrators.values():
-        best = row(own.scene.dt / 2, one.name, drift=(0.1, 0.01 if one is first else 9.0))
+        best = row(own.scene.dt / 2, one.name, drift=(0.1, 0.01 if one is first else 1.0))
         best |= dict(zip(("lines", "place", "lost"), case.written(one)))
         _, lines = told(summary_of({"drift": 1.0}, best))
         assert any("to try it:" in line for line in lines) == (one is not first)
@@ -418,11 +418,16 @@ def test_where_nothing_is_good_for_sure_it_is_said_what_tells():
     larger = summary_of({"drift": 1e5}, row(4.0, drift=(0.0, 10.0, 1)))
     assert told(larger)[0].startswith("nosquish with a step of 4 fs")
     # the nearest of all, but one that saves time if the script has a line of its own
-    rows = row(2.0, cost=[4.0], drift=(0.9, 0.3)), row(4.0, cost=[2.0], drift=(0.9, 2))
-    for dt, usual in (2, None), (4, {"integrator": "nosquish", "dt": 2.0}):
+    rows = row(2.0, cost=[4.0], drift=(0.9, 0.3)), row(4.0, cost=[2.0], drift=(0.9, 0.7))
+    own = {"integrator": "nosquish", "dt": 2.0}
+    for dt, usual in (2, None), (4, own):
         _, lines = told(summary_of({"drift": 1.0}, *rows, usual=usual))
         place = next(i for i, line in enumerate(lines) if line.endswith("timestep, to try it:"))
         assert lines[place + 1 :] == ["    fix 1 all nosquish molecule", f"    timestep {dt}"]
+    # of a step whose error is hardly known nothing is said
+    unknown = row(2.0, cost=[4.0], drift=(0.9, 2.0)), row(4.0, cost=[2.0], drift=(0.9, 3.0))
+    _, lines = told(summary_of({"drift": 1.0}, *unknown, usual=own))
+    assert not any("timestep" in line or "nearest" in line for line in lines)
     bad = row(1.0, drift=(1.5, 0.1)) | {"is_reference": True}
     answer, lines = told(summary_of({"drift": 1.0}, bad, row(2.0, drift=(0.9, 0.3))))
     assert answer.startswith("No step that was tried is within the targets")
