@@ -19,7 +19,7 @@ VERDICTS = {True: "met", False: "not met", None: "cannot tell"}
 FEW = 4  # points that are listed
 NEAR = 3.0  # ratio of an error's upper end to its target, beyond which nothing is said of a step
 BUSY = 90.0  # percent of a core; below it the machine was busy
-FASTER = 0.95  # largest ratio of costs at which another thermostat is worth mentioning
+FASTER = 0.95  # largest ratio of costs that is worth mentioning
 NOTES = {
     "CPU time": "Of all cores, in steps without output: the median of parts of all runs. It is the "
     "same number in the answer, the tables and the figure.",
