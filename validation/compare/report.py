@@ -367,7 +367,10 @@ def _beside(answer: Answer, best: Measured) -> Iterator[str]:
         )
     elif open_:
         steps = ", ".join(f"{point['dt']:g}" for point in open_)
-        yield f"{steps} {unit} may be good enough, too."
+        yield (
+            f"{steps} {unit} may be good enough, too. Fewer steps and a larger --budget decide on "
+            f"them sooner: --steps {best['dt']:g},{min(point['dt'] for point in open_):g}"
+        )
     elif bad:
         first = min(bad, key=lambda point: point["dt"])
         yield f"With {first['dt']:g} {unit}: {answer.why_not(first)}."
