@@ -286,8 +286,13 @@ def own_scripts():
         best = result["advised"]
         name = f"{best['label']}, {plain(best['dt'])}{NBSP}{unit}" if best else "not decided"
         step = f"{plain(result['dt'])}{NBSP}{unit}"
-        title = result["title"] + f", {result['ranks']} ranks" * (result["ranks"] > 1)
-        line = [title, step, plain(result["minutes"]), name, result["minutes_that_tell"] or NOTHING]
+        line = [
+            result["title"],
+            step,
+            plain(result["minutes"]),
+            name,
+            result["minutes_that_tell"] or NOTHING,
+        ]
         longer = (result.get("confirmed") or {"points": []})["points"]
         line += [_confirmed(row, result["targets"], unit) for row in longer]
         line += [NOTHING] * (2 * confirms - len(longer))  # not run, or the answer itself tells

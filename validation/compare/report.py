@@ -38,15 +38,16 @@ class Answer:
         points: the requested points.
         candidates: those with the script's kind of thermostat; all if there is none.
         choice: among these.  averages: the `Choice` among all, for averages only.
+        usual: the script's own line at its own step; None if it was not measured.
     """
 
     def __init__(self, summary: Mapping) -> None:
         self.summary, self.wanted = summary, summary["targets"]
         self.every: list[Measured] = summary["points"]
-        self.clock = "CPU time" if any(point["cpu"] for point in self.every) else "wall time"
-        if self.clock == "wall time":  # older results without CPU times
-            self.every = [point | {"cpu": point["cost"]} for point in self.every]
         self.points = [point for point in self.every if point["asked"]]
+        own, timed = summary.get("usual"), [point for point in self.every if point["cpu"]]
+        at_own = (x for x in timed if own == {"integrator": x["integrator"], "dt": x["dt"]})
+        self.usual = next(at_own, None)
         self.thermostat = summary.get("thermostat")
         self.candidates = choice.same_thermostat(self.points, self.thermostat)
         self.choice, self.averages = self.among(self.candidates), self.among(self.points)
@@ -73,27 +74,13 @@ class Answer:
         return "; ".join(shown) + f" and {len(points) - FEW} more" * (len(points) > FEW)
 
     @property
-    def usual(self) -> Measured | None:
-        """The script's own line at its own step, if it was measured."""
-        usual = self.summary.get("usual")
-        return next(
-            (
-                x
-                for x in self.every
-                if x["cpu"] and usual == {"integrator": x["integrator"], "dt": x["dt"]}
-            ),
-            None,
-        )
-
-    @property
     def nearest(self) -> Measured | None:
         """The candidate that exceeds the targets least, of those whose verdict is open if there are
         any, and of those that save time if there are any; None if none comes near (`NEAR`)."""
         measurable = [x for x in self.candidates if self.targets.keys().isdisjoint(x["without"])]
         able = [point for point in measurable if self.verdict(point) == VERDICTS[None]]
-        faster = [
-            x for x in able if self.usual and x["cpu"] and cost(x) < FASTER * cost(self.usual)
-        ]
+        most = FASTER * cost(self.usual) if self.usual else 0.0
+        faster = [point for point in able if cost(point) < most]
         near = (
             nearest(points, self.targets) for points in (faster, able or measurable) if self.targets
         )
@@ -215,7 +202,7 @@ def _answer(answer: Answer) -> str:
     if not answer.targets:
         return "None of the targets can be measured with these integrators."
     if best := chosen.best:
-        spent = f"{_cost(best)} s of {answer.clock} per {summary['ns']}"
+        spent = f"{_cost(best)} s of CPU time per {summary['ns']}"
         return (
             f"{best['label']} with a step of {best['dt']:g} {answer.unit}: {spent}, on "
             f"{ranks_of(summary['ranks'])}{_speed_up(answer, best)}. "
@@ -433,7 +420,7 @@ def _columns(answer: Answer, measures: Sequence[str]) -> list[Column]:
     return [
         Column("label", "label", kind="text"),
         Column("dt", "dt", unit, kind="number"),
-        Column("cpu", answer.clock, f"s/{summary['ns']}"),
+        Column("cpu", "CPU time", f"s/{summary['ns']}"),
         *(Column(f"of {name}", name, about[name]["unit"], kind="estimate") for name in measures),
         Column("verdict", "verdict", kind="verdict"),
     ]

@@ -89,8 +89,8 @@ def _sampled(system, usual, ours, summary):
 
 def _changes(*estimates, density=False):
     """The estimates before and now, as text."""
-    text = " → ".join(one.text() for one in estimates) if all(estimates) else NONE
-    return f"density {text} g/cm³" if density else text
+    form = "density {} g/cm³" if density else "{}"
+    return form.format(" → ".join(one.text() for one in estimates)) if all(estimates) else NONE
 
 
 def _pressed(row):

@@ -16,7 +16,7 @@ from .observables import BY_KEY, warmer
 
 # of these, and of the best of the others
 STYLES = (ORANGE, "v"), (GREEN, "s"), (BLUE, "o"), (SKY, "D"), (PURPLE, "P"), (RED, "^"), (INK, "X")
-PER_HOUR, PER_DAY = 3600.0, 86.4  # s; of 1 s per ps, in ns
+PER_DAY = 86.4  # ns, of 1 s per ps
 WARM = 4.0  # K, up to which the axis of a temperature is linear
 LINEAR = 4  # bounds up to which the axis of a bias is linear: steps that are too long go far beyond
 TIMES = np.geomspace(1e1, 1e6, 201)  # s of a core
@@ -71,14 +71,19 @@ def temperature(summary: Mapping) -> Figure | None:
     the speed: right and near zero is better. Numbers at the marks are steps in fs. Bars: 95 %
     intervals. The axis is linear up to 4 K, and logarithmic beyond."""
     limits = summary["limits"]
-    rows = [row for row in summary["rows"] if row["cost"] and warmer(row["biases"], limits)]
-    if not rows:
+    warm = {
+        (row["scheme"], row["dt"]): change
+        for row in summary["rows"]
+        if row["cost"] and (change := warmer(row["biases"], limits))
+    }
+    if not warm:
         return None
+    rows = [row for row in summary["rows"] if (row["scheme"], row["dt"]) in warm]
     figure, (axis,) = panels(1, 1, 9.0, 3.6, 0.6)
     ends = []
     for line, style in zip(_lines(rows, summary["known"]), STYLES):
         speeds = [PER_DAY / row["cost"]["median"] for row in line]
-        values = [change for row in line if (change := warmer(row["biases"], limits))]
+        values = [warm[row["scheme"], row["dt"]] for row in line]
         ends.append((*_bars(axis, speeds, values, *style), line[0]["label"], style[0]))
         for row, speed, value in zip(line, speeds, values):
             _name_step(axis, row, speed, value.value, style[0])

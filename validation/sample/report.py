@@ -13,6 +13,7 @@ from .measure import NESTED
 from .observables import BY_KEY, CONFIGURATIONS, OBSERVABLES, warmer
 from .plan import LEAST
 
+PER_HOUR = 3600.0  # s
 POINT = (
     Column("label", "scheme", kind="text"),
     Column("dt", "step", "fs", "number"),
@@ -165,7 +166,7 @@ def _flat(row: dict, limits: Mapping) -> dict:
         for key, plain in row["remembers"].items():
             time = Estimate.of(plain)
             if time.margin < time.value:  # else neither is measured
-                samples = measures.quotient(Estimate(figures.PER_HOUR / cost["median"]), time)
+                samples = measures.quotient(Estimate(PER_HOUR / cost["median"]), time)
                 more |= {f"hourly {key}": samples.plain(), f"memory {key}": time.plain()}
     return row | more | {"status": row["error"] or "ok"}
 
