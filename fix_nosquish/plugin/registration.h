@@ -4,6 +4,7 @@
 #define FIX_NOSQUISH_REGISTRATION_H
 
 #include "computes.h"
+#include "../pairs/fix_pairs.h"
 #include "layout.h"
 
 namespace {
@@ -31,6 +32,11 @@ void *make(void *pointer, int narg, char **arg)
   return static_cast<Fix *>(new FixNosquish(lmp, narg, words.data()));
 }
 
+void *make_pairs(void *lmp, int narg, char **arg)
+{
+  return static_cast<Fix *>(new FixPairs(static_cast<LAMMPS *>(lmp), narg, arg));
+}
+
 }    // namespace nosquish
 }    // namespace
 
@@ -55,6 +61,7 @@ extern "C" void lammpsplugin_init(void *pointer, void *handle, void *regfunc)
     else enter(&plugin, lmp);
   }
   if (!alike) return;    // the fixes will say why
+  (*lmp->modify->fix_map)[PAIRS] = reinterpret_cast<Modify::FixCreator>(make_pairs);
   for (const auto &name : COMPUTES) (*lmp->modify->compute_map)[name + SUFFIX] = make_compute;
 }
 

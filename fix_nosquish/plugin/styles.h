@@ -15,6 +15,8 @@ using namespace LAMMPS_NS;
 const std::string PYTHON_MOVE = "python/move";
 const std::string NATIVE[] = {"nosquish/nve", "nosquish/nvt", "nosquish/npt", "nosquish/nph", "nosquish/hmc"};
 
+const std::string PAIRS = "nosquish/pairs";
+
 // The styles and computes that replace LAMMPS's with -sf nosquish.
 
 const std::string SUFFIX = "/nosquish";

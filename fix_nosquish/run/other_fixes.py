@@ -13,8 +13,8 @@ from .other_boxes import REPORTING, why_not
 
 TEMPER = "command temper"  # which changes velocities, as some fixes do
 
-# fixes by which accelerator packages compute forces, and which change nothing besides
-_PACKAGES = "GPU", "OMP", "INTEL"
+# fixes that compute forces in the place of styles, and change nothing else
+_PACKAGES = "GPU", "OMP", "INTEL", "nosquish/pairs"
 # fixes that read no velocities but those of their own atoms; and these between the halves of a
 # step, if they do not vary; fixes of dynamic groups, which act there without a hook; pair styles
 # that read velocities, besides those for which ghost atoms have some

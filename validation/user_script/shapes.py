@@ -280,7 +280,11 @@ def atoms_moved_by_fixes(script: UserScript) -> Mapping[str, np.ndarray]:
     masks: dict[str, np.ndarray] = {}
     for fix_id, line in script.reading["fixes"].items():
         style = rigid_atoms.style_of(line)
-        mover = style.split("/")[0] in ("nve", "nvt", "npt", "nph", "rigid", "move", "nosquish")
-        if mover or style == "python/move" or style.startswith("brownian"):
+        first, rest = style.partition("/")[::2]
+        if (
+            (first in ("nve", "nvt", "npt", "nph", "rigid", "move", "nosquish") and rest != "pairs")
+            or style == "python/move"
+            or style.startswith("brownian")
+        ):
             masks[fix_id] = rigid_atoms.atoms_of_fix(script.reading, script.atoms, line)
     return masks

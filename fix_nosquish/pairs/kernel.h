@@ -1,0 +1,110 @@
+/* Forces between molecules: of one molecule and eight others at a time, site by site. */
+
+#ifndef FIX_NOSQUISH_KERNEL_H
+#define FIX_NOSQUISH_KERNEL_H
+
+#include "molecule_list.h"
+#include "pair_function.h"
+
+namespace {
+namespace nosquish {
+
+// What the loop needs; it adds to forces, which has the rows of the list, and to the energies.
+
+struct PairTask {
+  MoleculeList *list;
+  const PairFunction *functions;    // of species s and t and their sites a and b: ((s * species + t) * MOST_SITES + a) * MOST_SITES + b
+  double cutoff;
+  double *forces;
+  int *near;                // room for the indices of all molecules and LANES more
+  double lj, coul;
+};
+
+// SITES: of both molecules, if the compiler is to know it, and otherwise 0.
+
+template <int SITES> INLINED void molecule_forces(PairTask &task, int m, int t)
+{
+  MoleculeList &list = *task.list;
+  const int s = list.kind[m], stride = list.stride, n = SITES ? SITES : list.species[s].sites, n_other = SITES ? SITES : list.species[t].sites;
+  const size_t kinds = list.species.size(), begin = list.start[m * kinds + t], end = list.start[m * kinds + t + 1];
+  double *rows = list.rows.data(), *x = &rows[(size_t) m * stride];
+  const PairFunction *functions = &task.functions[(s * kinds + t) * MOST_SITES * MOST_SITES];
+
+  // those near enough now
+  const double limit = task.cutoff + 2.0 * list.reach;
+  int *near = task.near, count = 0;
+  for (size_t k = begin; k < end; k++) {
+    const double *c = &rows[(size_t) list.partners[k] * stride], dx = c[0] - x[0], dy = c[1] - x[1], dz = c[2] - x[2];
+    near[count] = list.partners[k];
+    count += dx * dx + dy * dy + dz * dz < limit * limit;
+  }
+  // the rest of the last eight are no molecule, whose sites are all out of reach
+  std::fill_n(near + count, LANES, list.all);
+  for (int d = 0; d < stride; d++) rows[(size_t) list.all * stride + d] = x[d % 3] + limit;
+
+  Lanes force[3 * MOST_SITES], lj = {}, coul = {};
+  std::fill_n(force, 3 * n, Lanes{});
+  for (int k = 0; k < count; k += LANES) {
+    Lanes other[3 * MOST_SITES], other_force[3 * MOST_SITES];
+    std::fill_n(other_force, 3 * n_other, Lanes{});
+    for (int lane = 0; lane < LANES; lane++) {
+      const double *row = &rows[(size_t) near[k + lane] * stride + 3];
+#pragma GCC unroll 9
+      for (int d = 0; d < 3 * n_other; d++) other[d][lane] = row[d];
+    }
+#pragma GCC unroll 3
+    for (int a = 0; a < n; a++)
+#pragma GCC unroll 3
+      for (int b = 0; b < n_other; b++) {
+        const Lanes dx = x[3 * a + 3] - other[3 * b], dy = x[3 * a + 4] - other[3 * b + 1], dz = x[3 * a + 5] - other[3 * b + 2];
+        const LaneForces value = evaluate(functions[a * MOST_SITES + b], dx * dx + dy * dy + dz * dz);
+        const Lanes fx = value.over_r * dx, fy = value.over_r * dy, fz = value.over_r * dz;
+        force[3 * a] += fx, force[3 * a + 1] += fy, force[3 * a + 2] += fz;
+        other_force[3 * b] -= fx, other_force[3 * b + 1] -= fy, other_force[3 * b + 2] -= fz;
+        lj += value.lj, coul += value.coul;
+      }
+    for (int lane = 0; lane < LANES; lane++) {
+      double *row = &task.forces[(size_t) near[k + lane] * stride + 3];
+#pragma GCC unroll 9
+      for (int d = 0; d < 3 * n_other; d++) row[d] += other_force[d][lane];
+    }
+  }
+  for (int d = 0; d < 3 * n; d++) task.forces[(size_t) m * stride + 3 + d] += sum(force[d]);
+  task.lj += sum(lj), task.coul += sum(coul);
+}
+
+INLINED void all_forces(PairTask &task)
+{
+  const MoleculeList &list = *task.list;
+  for (int m = 0; m < list.owned; m++)
+    for (int t = 0; t < (int) list.species.size(); t++)
+      list.species[list.kind[m]].sites == 3 && list.species[t].sites == 3 ? molecule_forces<3>(task, m, t) : molecule_forces<0>(task, m, t);
+}
+
+#ifdef __x86_64__
+__attribute__((target("avx2,fma"))) void forces_for_avx2(PairTask &task)
+{
+  all_forces(task);
+}
+
+__attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma"))) void forces_for_avx512(PairTask &task)
+{
+  all_forces(task);
+}
+#endif
+
+// Compute the forces by the instructions that this processor has.
+
+void compute_forces(PairTask &task)
+{
+#ifdef __x86_64__
+  if (__builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) return forces_for_avx512(task);
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return forces_for_avx2(task);
+#endif
+  all_forces(task);
+}
+
+}    // namespace nosquish
+}    // namespace
+
+#endif
