@@ -5,9 +5,10 @@
 FILE has a section [commands] with lines LABEL = COMMAND, in which {seed} differs from start to
 start, and may have one [averages] with lines TITLE = COLUMN, of LAMMPS's log.  Commands run in
 turn, so other load on the machine affects all alike.  LAMMPS's speed is that by CPU time, GROMACS's
-by wall time.  Runs that are complete in FOLDER are not repeated.  summary.json there has speeds,
-also relative to the first command, and averages, with errors from the fluctuations in each run and
-the scatter of starts.  Needs this package with the extra `validation`.
+by wall time.  summary.json in FOLDER has speeds, also relative to the first command, and averages,
+with errors from the fluctuations in each run and the scatter of starts.  Runs whose complete log is
+in FOLDER, or which an earlier summary.json there has, are not repeated, so more starts can be added
+later.  Needs this package with the extra `validation`.
 """
 
 import json
@@ -20,7 +21,7 @@ from pathlib import Path
 
 from fix_nosquish_validation.running import lammps_log, machine
 from fix_nosquish_validation.statistics import measures
-from fix_nosquish_validation.statistics.estimate import plain
+from fix_nosquish_validation.statistics.estimate import Estimate, plain
 
 SEED = 4928
 COMPLETE = re.compile(r"^(Total wall time|Finished mdrun)", re.M)
@@ -59,30 +60,35 @@ def main(file, folder, starts=1):
     settings.read_string(file.read_text())
     commands, columns = settings["commands"], settings["averages"]
     folder.mkdir(parents=True, exist_ok=True)
-    logs = {label: [] for label in commands}
+    path = folder / "summary.json"
+    rows = json.loads(path.read_text())["rows"] if path.exists() else []
+    former, runs = {row["label"]: row.get("runs", []) for row in rows}, {}
     for start in range(starts):
         for place, (label, command) in enumerate(commands.items()):
-            words = command.replace("{seed}", str(SEED + start))
-            logs[label].append(run(words, folder / f"{place}-{start}.log"))
-    speeds = {label: [speed(text) for text in texts] for label, texts in logs.items()}
-    first, rows = next(iter(speeds.values())), []
-    for label, texts in logs.items():
-        of_starts = [means(text, columns) for text in texts]
+            log, known = folder / f"{place}-{start}.log", former.get(label, [])[start : start + 1]
+            if log.exists() or not known:
+                text = run(command.replace("{seed}", str(SEED + start)), log)
+                known = [{"speed": speed(text), "means": plain(means(text, columns))}]
+            runs.setdefault(label, []).extend(known)
+    first, rows = [one["speed"] for one in next(iter(runs.values()))], []
+    for label, of_label in runs.items():
+        speeds = [one["speed"] for one in of_label]
         averages = {
-            title: measures.mean_of_starts([its[title] for its in of_starts]) for title in columns
+            title: measures.mean_of_starts([Estimate.of(one["means"][title]) for one in of_label])
+            for title in columns
         }
-        times = [ours / usual for usual, ours in zip(first, speeds[label])]
         rows.append(
             {
                 "label": label,
                 "means": plain(averages),
-                "speed": measures.spread(speeds[label]),
-                "times": measures.spread(times),
+                "speed": measures.spread(speeds),
+                "times": measures.spread([ours / usual for usual, ours in zip(first, speeds)]),
+                "runs": of_label,
             }
         )
     usage = f"python compare.py {file} FOLDER {starts}"
     record = machine.circumstances() | {"starts": starts, "rows": rows, "command": usage}
-    (folder / "summary.json").write_text(json.dumps(record, indent=1) + "\n")
+    path.write_text(json.dumps(record, indent=1) + "\n")
 
 
 if __name__ == "__main__":

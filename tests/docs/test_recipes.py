@@ -285,10 +285,10 @@ def test_dipeptide_commands(run_lammps, tmp_path, label):
     hydrogen or angles of water that the command leaves free: the lengths are the force field's."""
     words = shlex.split(DIPEPTIDE["commands"][label].replace("{seed}", "4928"))
     text = (FOLDER / "peptide" / words[2]).read_text() + DUMP
-    rows = lammps_log.thermo(run_lammps(text, options=[*words[3:], *SHORT_RUN, "0.08"]).log)
+    rows = lammps_log.thermo(run_lammps(text, options=[*words[3:], *SHORT_RUN, "0.6"]).log)
     for column in DIPEPTIDE["averages"].values():
         assert np.isfinite(rows[column][-3:]).all()
-    assert rows["Density"][-1] == pytest.approx(1.022, abs=0.02)
+    assert rows["Density"][-1] == pytest.approx(1.01, abs=0.03)
     assert rows["c_size"][-1] == pytest.approx(2.37, abs=0.1)
     assert rows["c_water"][-3:].mean() == pytest.approx(300, abs=40)
     atoms = np.loadtxt(tmp_path / "end", skiprows=9)
@@ -382,7 +382,7 @@ def test_comparison_of_commands(tmp_path):
     (tmp_path / "lmp").write_text(
         f"#!{sys.executable}\nimport sys\nfrom pathlib import Path\n"
         "dt, seed, _, log = sys.argv[1:]\n"
-        "assert not Path(log).exists()\n"
+        "Path(log + '.run').touch(exist_ok=False)\n"
         "told = Path('usual').read_text().format(dt=dt, density=seed, seconds=5.0)\n"
         "Path(log).write_text(told)\n"
     )
@@ -393,11 +393,13 @@ def test_comparison_of_commands(tmp_path):
     (tmp_path / "other").write_text("[commands]\nGROMACS = gmx mdrun\n")
     own = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
     told = {}
-    for file in "both", "both", "other":
-        words = [sys.executable, FOLDER / "compare.py", file, f"of-{file}", "2"]
+    for file, starts in ("both", "1"), ("both", "2"), ("other", "2"):
+        words = [sys.executable, FOLDER / "compare.py", file, f"of-{file}", starts]
         subprocess.run(words, cwd=tmp_path, env=own, check=True)
         summary = (tmp_path / f"of-{file}" / "summary.json").read_text()
         told |= {row["label"]: row for row in json.loads(summary)["rows"]}
+        for log in (tmp_path / f"of-{file}").glob("*.log"):  # its numbers stay in the summary
+            log.rename(tmp_path / f"{file}-{log.name}")
     assert told["usual, 2 fs"]["speed"]["values"] == pytest.approx([6.912] * 2)
     assert told["ours, 4 fs"]["speed"]["values"] == pytest.approx([13.824] * 2)
     assert told["ours, 4 fs"]["times"]["median"] == pytest.approx(2.0)
