@@ -37,56 +37,67 @@ class FixPairs : public Fix {
   {
     if (narg > 3) end_on_all(lmp, problem(this, "unknown word " + std::string(arg[3]) + ": it has no keywords"), 3);
     if (igroup) end_on_all(lmp, problem(this, "its group must be 'all'"), 1);
+    if (!modify->get_fix_by_style("^nosquish/pairs").empty()) end_on_all(lmp, problem(this, "there is another fix of this style"), 2);
     comm_reverse = 3;
   }
 
   int setmask() override
   {
     using namespace FixConst;
-    return POST_NEIGHBOR | MIN_POST_NEIGHBOR | PRE_REVERSE | MIN_PRE_REVERSE;
+    return POST_NEIGHBOR | PRE_FORCE | PRE_REVERSE | MIN_POST_NEIGHBOR | MIN_PRE_FORCE | MIN_PRE_REVERSE;
   }
 
   void init() override
   {
     pair = force->pair;
+    built = false;
     obstacle = find_obstacle();
     if (obstacle.empty()) {
-      neighbor->find_request(pair)->apply_flags(NeighConst::REQ_OCCASIONAL);
+      // a rerun begins again with each frame, and has no requests then
+      if (const auto request = neighbor->find_request(pair)) request->apply_flags(NeighConst::REQ_OCCASIONAL);
       comm->cutghostuser = std::max(comm->cutghostuser, list.ghost_cutoff(pair->cutforce));
     }
-    if (comm->me) return;
-    if (obstacle.empty()) utils::logmesg(lmp, problem(this, "computes pair_style " + std::string(force->pair_style) + "\n"));
-    else utils::logmesg(lmp, "WARNING: " + problem(this, "LAMMPS computes the pairs: " + obstacle + "\n"));
+    const std::string text = obstacle.empty() ? problem(this, "computes pair_style " + std::string(force->pair_style) + "\n")
+                                              : "WARNING: " + problem(this, "LAMMPS computes the pairs: " + obstacle + "\n");
+    if (comm->me == 0 && text != std::exchange(logged, text)) utils::logmesg(lmp, text);
   }
 
   void post_neighbor() override { built = false; }
   void setup_post_neighbor() override { built = false; }
   void min_post_neighbor() override { built = false; }
+  void setup_pre_force(int vflag) override { pre_force(vflag); }
+  void min_pre_force(int vflag) override { pre_force(vflag); }
   void setup_pre_reverse(int eflag, int vflag) override { pre_reverse(eflag, vflag); }
   void min_pre_reverse(int eflag, int vflag) override { pre_reverse(eflag, vflag); }
+
+  // With a list LAMMPS computes the pairs of this step.
+
+  void pre_force(int) override
+  {
+    per_atom = update->eflag_atom == update->ntimestep || update->vflag_atom == update->ntimestep;
+    if (!per_atom || !obstacle.empty()) return;
+    pair->list->inum = listed;    // of a list that is not made anew
+    neighbor->build_one(pair->list);
+  }
 
   void pre_reverse(int eflag, int vflag) override
   {
     if (!obstacle.empty()) return;
     if (built) list.update();
     else build();
-    if (eflag / 2 || vflag / 4) {    // of each atom
-      neighbor->build_one(pair->list);
-      pair->compute(eflag, vflag % 4 ? vflag / 4 * 4 + 1 : vflag);    // by pairs: forces of others are in atom->f by now
-      pair->list->inum = 0;
+    if (per_atom) {
+      listed = std::exchange(pair->list->inum, 0);
       return;
     }
-    forces.assign(list.rows.size(), 0.0);
-    near.resize(list.all + LANES);
-    PairTask task = {&list, of_sites.data(), pair->cutforce, forces.data(), near.data(), 0.0, 0.0};
-    compute_forces(task);
-    if (eflag) pair->eng_vdwl += task.lj, pair->eng_coul += task.coul;
+    list.forces.assign(list.rows.size(), 0.0);
+    const Energies energies = compute_forces(list, of_sites.data());
+    if (eflag) pair->eng_vdwl += energies.lj, pair->eng_coul += energies.coul;
     if (!force->newton) ghost_forces.assign(3 * (size_t) atom->nghost, 0.0);
     double virial[6] = {};
     add_between(virial);
     add_within(eflag, virial);
     if (!force->newton) comm->reverse_comm(this);
-    for (const int k : {0, 1, 2, 3, 4, 5}) pair->virial[k] += vflag % 4 ? virial[k] : 0.0;
+    for (const int k : {0, 1, 2, 3, 4, 5}) pair->virial[k] += vflag & (VIRIAL_PAIR | VIRIAL_FDOTR) ? virial[k] : 0.0;
   }
 
   int pack_reverse_comm(int n, int first, double *buffer) override
@@ -105,11 +116,11 @@ class FixPairs : public Fix {
   MoleculeIds ids;
   MoleculeList list;
   Pair *pair = nullptr;
-  std::string obstacle;    // why LAMMPS computes the pairs
-  bool built = false;
-  std::vector<PairFunction> of_types, of_sites;    // of types i and j: [i * (ntypes + 1) + j]; of sites: see PairTask
-  std::vector<double> forces, ghost_forces;
-  std::vector<int> near;
+  std::string obstacle, logged;    // why LAMMPS computes the pairs
+  bool built = false, per_atom = false;
+  int listed = 0;    // atoms with neighbors in the last list of the pair style
+  std::vector<PairFunction> of_types, of_sites;    // of types i and j: [i * (ntypes + 1) + j]; of sites: see kernel.h
+  std::vector<double> ghost_forces;
 
   struct Within {    // two atoms of a molecule whose pair is in LAMMPS's lists, and its factors of special_bonds
     int i, j;
@@ -130,7 +141,7 @@ class FixPairs : public Fix {
     for (int m = 0; m < list.all; m++)
       for (int a = 0; a < list.species[list.kind[m]].sites; a++) {
         const size_t place = (size_t) m * list.stride + 3 * (a + 1);
-        add_to(list.atoms_of(m)[a], &list.rows[place], &forces[place], 1.0, virial);
+        add_to(list.atoms_of(m)[a], &list.rows[place], &list.forces[place], 1.0, virial);
       }
   }
 
@@ -158,8 +169,9 @@ class FixPairs : public Fix {
     list.build(pair->cutforce);
     MPI_Allreduce(MPI_IN_PLACE, &list.broken, 1, MPI_LMP_TAGINT, MPI_MAX, world);
     if (list.broken)
-      end_on_all(lmp, problem(this, "molecule " + std::to_string(list.broken) + " has lost an atom, or has grown by more than a tenth since "
-                                    "the run began: use this fix for molecules that are held by fix nosquish, rigid or shake"));
+      end_on_all(lmp, problem(this, "molecule " + std::to_string(list.broken) + " is not whole, has grown since the run "
+                                    "began, or is of more than " + std::to_string(MOST_SITES) + " kinds: use this fix for molecules "
+                                    "that are held by fix nosquish, rigid or shake"));
     const size_t n = list.species.size(), types = atom->ntypes + 1;
     of_sites.resize(n * n * MOST_SITES * MOST_SITES);
     for (size_t k = 0; k < of_sites.size(); k++) {
@@ -200,10 +212,11 @@ class FixPairs : public Fix {
       return "it cannot be used with 'pair_modify compute no', 'comm_modify mode multi', 'atom_modify first' or 'neigh_modify include'";
     const bool one = neighbor->nex_mol == 1 && neighbor->ex_mol_intra[0] && group->count(neighbor->ex_mol_group[0]) == atom->natoms;
     if (neighbor->nex_type || neighbor->nex_group || (neighbor->nex_mol && !one)) return "'neigh_modify exclude' excludes other pairs than all within molecules";
-    const char *direct[] = {"^adapt",   "^gcmc",  "^widom", "^atom/swap",  "^mol/swap", "^sgcmc", "^charge/regulation", "^numdiff",
-                            "^polarize", "^tune/", "^fep", "^born/matrix", "/tally$", "^qeq/", "^acks2/", "^electrode/"};
+    const char *direct[] = {"^adapt", "^gcmc",    "^gemc",       "^widom",   "^atom/swap", "^mol/swap", "^neighbor/swap", "^sgcmc",
+                            "^fep",   "^numdiff", "^born/matrix", "^polarize", "^tune/", "^qeq/", "^acks2/", "^electrode/",
+                            "/tally$", "^charge/regulation", "^deposit", "^pour", "^bond/react"};
     for (const char *pattern : direct) {
-      for (const auto &fix : modify->get_fix_by_style(pattern)) return "fix " + std::string(fix->style) + " calls or changes the pair style";
+      for (const auto &fix : modify->get_fix_by_style(pattern)) return "fix " + std::string(fix->style) + " calls the pair style, or changes it, charges or molecules";
       for (const auto &compute : modify->get_compute_list())
         if (utils::strmatch(compute->style, pattern)) return "compute " + std::string(compute->style) + " calls the pair style";
     }

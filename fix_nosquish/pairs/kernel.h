@@ -9,30 +9,24 @@
 namespace {
 namespace nosquish {
 
-// What the loop needs; it adds to forces, which has the rows of the list, and to the energies.
-
-struct PairTask {
-  MoleculeList *list;
-  const PairFunction *functions;    // of species s and t and their sites a and b: ((s * species + t) * MOST_SITES + a) * MOST_SITES + b
-  double cutoff;
-  double *forces;
-  int *near;                // room for the indices of all molecules and LANES more
-  double lj, coul;
+struct Energies {
+  double lj = 0.0, coul = 0.0;
 };
 
+// Add the forces between molecule m and its partners of species t to the list's, and their energies. functions: of species s and t and
+// their sites a and b, at ((s * species + t) * MOST_SITES + a) * MOST_SITES + b.
 // SITES: of both molecules, if the compiler is to know it, and otherwise 0.
 
-template <int SITES> INLINED void molecule_forces(PairTask &task, int m, int t)
+template <int SITES> INLINED void molecule_forces(MoleculeList &list, const PairFunction *functions, Energies &energies, int m, int t)
 {
-  MoleculeList &list = *task.list;
   const int s = list.kind[m], stride = list.stride, n = SITES ? SITES : list.species[s].sites, n_other = SITES ? SITES : list.species[t].sites;
   const size_t kinds = list.species.size(), begin = list.start[m * kinds + t], end = list.start[m * kinds + t + 1];
   double *rows = list.rows.data(), *x = &rows[(size_t) m * stride];
-  const PairFunction *functions = &task.functions[(s * kinds + t) * MOST_SITES * MOST_SITES];
+  functions += (s * kinds + t) * MOST_SITES * MOST_SITES;
 
   // those near enough now
-  const double limit = task.cutoff + 2.0 * list.reach;
-  int *near = task.near, count = 0;
+  const double limit = list.cutoff + 2.0 * list.reach;
+  int *near = list.near.data(), count = 0;
   for (size_t k = begin; k < end; k++) {
     const double *c = &rows[(size_t) list.partners[k] * stride], dx = c[0] - x[0], dy = c[1] - x[1], dz = c[2] - x[2];
     near[count] = list.partners[k];
@@ -64,44 +58,46 @@ template <int SITES> INLINED void molecule_forces(PairTask &task, int m, int t)
         lj += value.lj, coul += value.coul;
       }
     for (int lane = 0; lane < LANES; lane++) {
-      double *row = &task.forces[(size_t) near[k + lane] * stride + 3];
+      double *row = &list.forces[(size_t) near[k + lane] * stride + 3];
 #pragma GCC unroll 9
       for (int d = 0; d < 3 * n_other; d++) row[d] += other_force[d][lane];
     }
   }
-  for (int d = 0; d < 3 * n; d++) task.forces[(size_t) m * stride + 3 + d] += sum(force[d]);
-  task.lj += sum(lj), task.coul += sum(coul);
+  for (int d = 0; d < 3 * n; d++) list.forces[(size_t) m * stride + 3 + d] += sum(force[d]);
+  energies.lj += sum(lj), energies.coul += sum(coul);
 }
 
-INLINED void all_forces(PairTask &task)
+INLINED Energies all_forces(MoleculeList &list, const PairFunction *functions)
 {
-  const MoleculeList &list = *task.list;
+  Energies energies;
   for (int m = 0; m < list.owned; m++)
     for (int t = 0; t < (int) list.species.size(); t++)
-      list.species[list.kind[m]].sites == 3 && list.species[t].sites == 3 ? molecule_forces<3>(task, m, t) : molecule_forces<0>(task, m, t);
+      list.species[list.kind[m]].sites == 3 && list.species[t].sites == 3 ? molecule_forces<3>(list, functions, energies, m, t)
+                                                                            : molecule_forces<0>(list, functions, energies, m, t);
+  return energies;
 }
 
 #ifdef __x86_64__
-__attribute__((target("avx2,fma"))) void forces_for_avx2(PairTask &task)
+__attribute__((target("avx2,fma"))) Energies forces_for_avx2(MoleculeList &list, const PairFunction *functions)
 {
-  all_forces(task);
+  return all_forces(list, functions);
 }
 
-__attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma"))) void forces_for_avx512(PairTask &task)
+__attribute__((target("avx512f,avx512dq,avx512vl,avx2,fma"))) Energies forces_for_avx512(MoleculeList &list, const PairFunction *functions)
 {
-  all_forces(task);
+  return all_forces(list, functions);
 }
 #endif
 
 // Compute the forces by the instructions that this processor has.
 
-void compute_forces(PairTask &task)
+Energies compute_forces(MoleculeList &list, const PairFunction *functions)
 {
 #ifdef __x86_64__
-  if (__builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) return forces_for_avx512(task);
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return forces_for_avx2(task);
+  if (__builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl")) return forces_for_avx512(list, functions);
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) return forces_for_avx2(list, functions);
 #endif
-  all_forces(task);
+  return all_forces(list, functions);
 }
 
 }    // namespace nosquish

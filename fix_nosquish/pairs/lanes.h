@@ -32,9 +32,8 @@ INLINED double sum(Lanes x)
 INLINED Lanes inverse_sqrt(Lanes x)
 {
   Lanes y = (Lanes) (0x5fe6eb50c7b537a9 - ((LaneBits) x >> 1));
-  const Lanes half = 0.5 * x;
 #pragma GCC unroll 4
-  for (int k = 0; k < 4; k++) y = y * (1.5 - half * y * y);
+  for (int k = 0; k < 4; k++) y = y * (1.5 - 0.5 * x * y * y);
   return y;
 }
 

@@ -39,8 +39,8 @@ inline double place(const double *const *x, const int *atoms, int sites, double 
 class MoleculeIds : protected Pointers {
  public:
   using Pointers::Pointers;
-  double reach;      // the largest of all molecules
-  int most_sites;    // and the largest number of atoms
+  double reach;      // a bound for all molecules
+  int most_sites;    // the largest number of atoms
 
   int site(int i) const { return (int) (atom->tag[i] - first[atom->molecule[i]]); }
   int sites(int i) const { return size[atom->molecule[i]]; }
@@ -65,9 +65,8 @@ class MoleculeIds : protected Pointers {
     for (int i = 0; i < atom->nlocal; i++) other |= sites(i) > MOST_SITES || site(i) >= sites(i);
     if (*reduce(&other, 1, MPI_MAX))
       return "a molecule has more than " + std::to_string(MOST_SITES) + " atoms, or its atoms do not have consecutive IDs";
-    reach = -1.0;
-    for (int i = 0; i < atom->nlocal; i++) measure(i);
-    return *reduce(&reach, 1, MPI_MAX) < 0.0 ? "no rank holds all atoms of a molecule" : "";
+    measure();
+    return "";
   }
 
  private:
@@ -81,19 +80,22 @@ class MoleculeIds : protected Pointers {
     return values;
   }
 
-  // Measure the molecule whose site 0 is atom i, if all its atoms are on this rank.
+  // Find a bound of the reach from the distances to site 0, which may be on another rank: the centre of n sites, at most d from site 0,
+  // is at most 2 d (n - 1) / n from each.
 
-  void measure(int i)
+  void measure()
   {
-    double near[MOST_SITES][3], *x[MOST_SITES], row[3 * (MOST_SITES + 1)];
-    int numbers[MOST_SITES];
-    for (int a = 0; a < sites(i); a++) {
-      const int j = site(i) ? -1 : atom->map(atom->tag[i] + a);
-      if (j < 0 || j >= atom->nlocal) return;
-      domain->remap_near(std::copy_n(atom->x[j], 3, near[a]) - 3, atom->x[i]);
-      x[numbers[a] = a] = near[a];
+    std::vector<double> site0(3 * size.size(), 0.0);
+    for (int i = 0; i < atom->nlocal; i++)
+      if (site(i) == 0) std::copy_n(atom->x[i], 3, &site0[3 * (size_t) atom->molecule[i]]);
+    reduce(site0.data(), site0.size(), MPI_SUM);
+    reach = 0.0;
+    for (int i = 0; i < atom->nlocal; i++) {
+      double r[3] = {atom->x[i][0], atom->x[i][1], atom->x[i][2]}, *from = &site0[3 * (size_t) atom->molecule[i]];
+      domain->remap_near(r, from);
+      reach = std::max(reach, std::hypot(r[0] - from[0], r[1] - from[1], r[2] - from[2]) * 2.0 * (sites(i) - 1) / sites(i));
     }
-    reach = std::max(reach, place(x, numbers, sites(i), row));
+    reduce(&reach, 1, MPI_MAX);
   }
 };
 

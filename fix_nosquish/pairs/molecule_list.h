@@ -3,6 +3,7 @@
 #ifndef FIX_NOSQUISH_MOLECULE_LIST_H
 #define FIX_NOSQUISH_MOLECULE_LIST_H
 
+#include "lanes.h"
 #include "molecule_ids.h"
 
 #include "neighbor.h"
@@ -27,24 +28,29 @@ class MoleculeList : protected Pointers {
 
   std::vector<Species> species;    // with the same types and charges of sites
   int owned = 0, all = 0, stride = 0;
-  tagint broken = 0;                  // the ID of an owned molecule that is not whole, or has grown by more than a tenth
+  tagint broken = 0;                  // the ID of a molecule that is not whole, has grown beyond the bound, or is of too many species
   std::vector<int> kind, atoms;       // the species, and atoms[m * ids.most_sites + site]
-  std::vector<double> rows;
+  std::vector<double> rows, forces;
   double reach = 0.0;                 // the largest distance of a site from the centre now
   std::vector<int> partners;          // of an owned molecule m, those of species s from start[m * species + s] on
   std::vector<size_t> start;
+  std::vector<int> near;              // room for indices of all molecules
+  double cutoff = 0.0;
 
   double *row(int m) { return &rows[(size_t) m * stride]; }
   int *atoms_of(int m) { return &atoms[(size_t) m * ids.most_sites]; }
 
   // The distance from a rank's part of the box within which all molecules must be known whole.
 
-  double ghost_cutoff(double cutoff) const { return cutoff + neighbor->skin + 4.0 * MARGIN * ids.reach; }
+  double ghost_cutoff(double cutoff) const { return cutoff + neighbor->skin + 4.0 * ids.reach; }
 
   void build(double cutoff)
   {
+    this->cutoff = cutoff;
     collect();
-    sort_into_bins(cutoff + neighbor->skin + 2.0 * reach);
+    near.resize(all + LANES);
+    limit = cutoff + neighbor->skin + 2.0 * reach;
+    sort_into_bins();
     find_partners();
   }
 
@@ -58,7 +64,6 @@ class MoleculeList : protected Pointers {
   }
 
  private:
-  static constexpr double MARGIN = 1.1;
   const MoleculeIds &ids;
 
   // Find the atoms of all molecules. Ghost molecules that are not whole are farther than any cutoff: see ghost_cutoff.
@@ -66,8 +71,7 @@ class MoleculeList : protected Pointers {
   void collect()
   {
     stride = 3 * (ids.most_sites + 1);
-    owned = all = 0;
-    broken = 0;
+    broken = owned = all = 0;
     reach = 0.0;
     kind.clear();
     rows.assign(stride, 0.0);    // the last is no molecule
@@ -83,8 +87,8 @@ class MoleculeList : protected Pointers {
         whole &= j >= 0;
       }
       const double its_reach = place(atom->x, its, ids.sites(i), row(all));
-      whole &= its_reach < MARGIN * ids.reach + 1e-6;
-      if (!whole && i < atom->nlocal) broken = atom->molecule[i];
+      whole &= its_reach < ids.reach + 1e-6;
+      if ((!whole && i < atom->nlocal) || species.size() > MOST_SITES) broken = atom->molecule[i];
       if (!whole) continue;
       kind.push_back(species_of(its, ids.sites(i)));
       reach = std::max(reach, its_reach);
@@ -118,9 +122,8 @@ class MoleculeList : protected Pointers {
   size_t row_of_bins(size_t kind, int z, int y) const { return ((kind * bins[2] + z) * bins[1] + y) * bins[0]; }
   int bin(double x, int d) const { return std::min(std::max((int) ((x - low[d]) * per_length[d]), 0), bins[d] - 1); }
 
-  void sort_into_bins(double limit)
+  void sort_into_bins()
   {
-    this->limit = limit;
     for (const int d : {0, 1, 2}) {
       double high = low[d] = rows[d];
       for (int m = 0; m < all; m++) low[d] = std::min(low[d], row(m)[d]), high = std::max(high, row(m)[d]);
@@ -139,10 +142,12 @@ class MoleculeList : protected Pointers {
     for (int m = 0; m < all; m++) ordered[next[bin_of[m]]++] = {row(m)[0], row(m)[1], row(m)[2], m, atom->molecule[*atoms_of(m)]};
   }
 
-  // Each pair once, for the molecule with the lower z, or y, or x, on the rank that owns it.
+  // Each pair once, for the molecule with the lower z, or y, or x, on the rank that owns it. Coordinates that differ by rounding, as
+  // those of images, are equal.
 
   void find_partners()
   {
+    const double tiny = 1e-8 * limit;
     start.assign(1, 0);
     size_t found = 0;
     for (int m = 0; m < owned; m++)
@@ -150,14 +155,14 @@ class MoleculeList : protected Pointers {
         const double *c = row(m);
         const tagint excluded = neighbor->nex_mol ? atom->molecule[*atoms_of(m)] : 0;    // LAMMPS then excludes the images of a molecule, too
         const int x_from = bin(c[0] - limit, 0), x_to = bin(c[0] + limit, 0), y_to = bin(c[1] + limit, 1), z_to = bin(c[2] + limit, 2);
-        for (int z = bin(c[2], 2); z <= z_to; z++)
+        for (int z = bin(c[2] - tiny, 2); z <= z_to; z++)
           for (int y = bin(c[1] - limit, 1); y <= y_to; y++) {
             const size_t begin = bin_start[row_of_bins(s, z, y) + x_from], end = bin_start[row_of_bins(s, z, y) + x_to + 1];
             if (partners.size() <= found + end - begin) partners.resize(2 * (found + end - begin) + 1);
             for (size_t k = begin; k < end; k++) {
               const Candidate &other = ordered[k];
               const double dx = other.x - c[0], dy = other.y - c[1], dz = other.z - c[2];
-              const bool above = (dz > 0.0) | ((dz == 0.0) & ((dy > 0.0) | ((dy == 0.0) & (dx > 0.0))));
+              const bool above = (dz > tiny) | ((dz >= -tiny) & ((dy > tiny) | ((dy >= -tiny) & (dx > 0.0))));
               partners[found] = other.molecule;
               found += (dx * dx + dy * dy + dz * dz < limit * limit) & above & (other.id != excluded);
             }

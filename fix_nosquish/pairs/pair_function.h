@@ -103,7 +103,7 @@ class StyleProbe {
     double largest = 0.0;
     for (int k = 1; k < 16; k++) {
       const double r2 = cut2 * k / 16.0, r6 = r2 * r2 * r2;
-      const double scale = function.charge / std::sqrt(r2) + (function.r6 + function.r12 / r6) / r6 + 1e-100;
+      const double scale = function.charge / std::sqrt(r2) + (std::fabs(function.r6) + std::fabs(function.r12) / r6) / r6 + 1e-100;
       const LaneForces ours = evaluate(function, Lanes{} + r2);
       const double force = this->force(r2, 1.0);
       largest = std::max({largest, std::fabs(ours.over_r[0] - force) * r2 / scale, std::fabs(ours.lj[0] + ours.coul[0] - energy) / scale});

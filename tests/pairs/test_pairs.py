@@ -60,6 +60,26 @@ def mixture(path):
     )  # fmt: skip
 
 
+def lattice(path):
+    """Linear molecules whose centres are on faces of the box, with site 0 at either end."""
+    x, edge = on_lattice(CO2, 3, 4.3, 2)
+    x = (x - 0.5 * 4.3)[:, [1, 0, 2]]
+    x[::2] = x[::2, ::-1]
+    data(path, x, edge, [2, 1, 2], [-0.35, 0.7, -0.35], MASSES[:2])
+
+
+def solute(path):
+    """CO2 across the middle of the box, between single atoms."""
+    x, edge = on_lattice(CO2[:1], 4, 4.0, 2)
+    data(path, x, edge, [1], [0.0], MASSES[:2])
+    text = path.read_text().replace("64 atoms", "67 atoms")
+    middle = [
+        f"{65 + k} 65 2 {q} {8 + x} 8.1 8.2"
+        for k, (q, x) in enumerate(((0.7, 0), (-0.35, 1.16), (-0.35, -1.16)))
+    ]
+    path.write_text(text + "\n".join(middle) + "\n")
+
+
 LJ = "pair_coeff 1 1 0.1521 3.15\npair_coeff 2 2 0.046 0.4\n"
 MIX = "pair_modify mix arithmetic\n"
 LONG = f"{LJ}kspace_style pppm 1e-4\npair_modify table 0\n"
@@ -106,6 +126,8 @@ SCENES = {
     "triclinic": Scene(
         f"{TILTED}pair_style lj/cut/coul/long 6.0\n{LONG}kspace_style ewald 1e-4\n{APART}"
     ),
+    "lattice": Scene(f"pair_style lj/cut/coul/cut 6.0 8.0\n{LJ}{APART}", lattice),
+    "solute": Scene(f"pair_style lj/cut/coul/cut 6.0 8.0\n{LJ}{APART}", solute),
     "mixture": Scene(
         f"pair_style lj/cut/coul/long 5.0 7.0\n{MIX}{LONG}pair_coeff 3 3 0.1 3.0\n{APART}", mixture
     ),
@@ -165,6 +187,15 @@ MOVES = {
     "shake": f"{WARM}fix 1 all shake 1e-8 200 0 b 1 a 1\nfix 2 all nve\nrun 40",
     "deform": f"{WARM}{NVE}fix 2 all deform 1 xy erate 1e-3 remap x\nrun 40",
     "min": f"{NVE}min_style cg\nminimize 0 0 10 20",
+    "in each step": (
+        f"{WARM}{NVE}compute e all pe/atom pair\ncompute total all reduce sum c_e\n"
+        f"thermo_style custom step evdwl ecoul pe {TENSOR} c_total\nthermo 1\n"
+        "neighbor 1.0 bin\nrun 8"
+    ),
+    "rerun": (
+        f"{WARM}{NVE}dump 1 all custom 5 frames id x y z\ndump_modify 1 format float %.12g\n"
+        "run 20\nundump 1\nrerun frames dump x y z\nrun 0"
+    ),
     "per atom": (
         f"{WARM}{NVE}compute e all pe/atom pair\ncompute s all stress/atom NULL pair\n"
         "compute total all reduce sum c_e c_s[1] c_s[4]\n"
@@ -184,7 +215,7 @@ def test_same_trajectory(both, moves, ranks):
     every = "neighbor 0.3 bin\nneigh_modify every 1 delay 0 check yes\nthermo 10\ntimestep 1.0\n"
     tables, atoms, log = both(scene, every + MOVES[moves], ranks=ranks)
     assert_alike(tables, atoms, 1e-7)
-    assert moves == "min" or max(map(int, re.findall(r"builds = (\d+)", log))) > 2
+    assert moves in ("min", "in each step") or max(map(int, re.findall(r"builds = (\d+)", log))) > 2
     if moves == "per atom":
         for name in "c_total[1]", "c_total[2]", "c_total[3]":
             np.testing.assert_allclose(tables[1][name], tables[0][name], rtol=1e-7)
@@ -219,7 +250,7 @@ LEFT = {
         f"pair_style {HYBRID}\npair_coeff * * coul/long\n",
         "pair_style hybrid/overlay is not",
     ),
-    "adapt": (ADAPT, "fix adapt calls or changes"),
+    "adapt": (ADAPT, "fix adapt calls the pair style, or changes it"),
     "tally": ("group one id 1\ncompute 9 one force/tally all\n", "compute force/tally calls"),
     "exclude": ("neigh_modify exclude type 1 1\n", "'neigh_modify exclude' excludes other pairs"),
     "molecule 0": ("set atom 1 mol 0\n", "atoms have molecule-ID 0"),
@@ -276,7 +307,14 @@ def test_molecules_that_fall_apart(run_lammps, tmp_path):
         f"{scene.script}{PAIRS}fix 1 all nve\nvelocity all create 9000 5\n"
         "neigh_modify every 1 delay 0 check yes\nrun 500\n"
     )
-    assert_ended(run_lammps(text, check=False), ["has grown by more than a tenth"], tmp_path)
+    assert_ended(run_lammps(text, check=False), ["has grown since the run began"], tmp_path)
+
+
+def test_two(run_lammps, tmp_path):
+    """Locks out pairs that two of these fixes compute."""
+    water(tmp_path / "data.liquid")
+    text = f"{SCENES['lj/cut'].script}{PAIRS}fix 2 all nosquish/pairs\nrun 0\n"
+    assert_ended(run_lammps(text, check=False), ["there is another fix of this style"], tmp_path)
 
 
 @pytest.mark.parametrize("level", ["x86-64", "x86-64-v3", "x86-64-v4"])
