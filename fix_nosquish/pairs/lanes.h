@@ -5,9 +5,6 @@
 
 #include <cstdint>
 
-// Functions with lanes as arguments are always inlined: then the interface for functions, which differs between processors, is not used.
-
-#pragma GCC diagnostic ignored "-Wpsabi"
 #pragma GCC diagnostic ignored "-Wignored-attributes"
 
 namespace {
@@ -16,6 +13,8 @@ namespace nosquish {
 constexpr int LANES = 8;
 typedef double Lanes __attribute__((vector_size(LANES * sizeof(double))));
 typedef int64_t LaneBits __attribute__((vector_size(LANES * sizeof(int64_t))));
+
+// Functions with lanes as arguments are always inlined: then the interface for functions, which differs between processors, is not used.
 
 #define INLINED inline __attribute__((always_inline))
 
@@ -26,8 +25,7 @@ INLINED double sum(Lanes x)
   return total;
 }
 
-// 1 / sqrt(x): a guess from the bits of x, and four of Newton's steps, each of which doubles the number of correct digits. A square
-// root and a division take three times as long.
+// 1 / sqrt(x): a guess from the bits of x, and four of Newton's steps, each of which doubles the number of correct digits.
 
 INLINED Lanes inverse_sqrt(Lanes x)
 {
