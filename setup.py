@@ -201,7 +201,7 @@ class BuildPlugin(build_ext):
         (generated / "bridge.h").write_text(header())
         command = [
             # not linked to LAMMPS, MPI and Python, which are loaded before it
-            # loops over lanes are inlined, so how functions take lanes is no matter
+            # psabi: functions that take vectors are inlined (pairs/lanes.h)
             *compiler(), "-std=c++17", "-O2", "-fPIC", "-shared", "-Wno-psabi",
             *shlex.split(os.environ.get("CXXFLAGS", "")),
             *string_flags(headers), *size_flags(package, headers),

@@ -10,6 +10,7 @@
 #include "force.h"
 #include "group.h"
 #include "kspace.h"
+#include "lammps_versions.h"
 #include "modify.h"
 #include "neigh_list.h"
 #include "styles.h"
@@ -50,7 +51,8 @@ class FixPairs : public Fix {
   void init() override
   {
     pair = force->pair;
-    built = false;
+    // no step yet: LAMMPS begins with 0, which would mean that step 0 has energies of each atom
+    built = false, update->eflag_atom = update->vflag_atom = -1;
     obstacle = find_obstacle();
     if (obstacle.empty()) {
       // a rerun begins again with each frame, and has no requests then
@@ -83,8 +85,8 @@ class FixPairs : public Fix {
   void pre_reverse(int eflag, int vflag) override
   {
     if (!obstacle.empty()) return;
-    if (built) list.update();
-    else build();
+    if (!built) build();
+    else if (!per_atom) list.update();
     if (per_atom) {
       listed = std::exchange(pair->list->inum, 0);
       return;
@@ -116,7 +118,7 @@ class FixPairs : public Fix {
   MoleculeIds ids;
   MoleculeList list;
   Pair *pair = nullptr;
-  std::string obstacle, logged;    // why LAMMPS computes the pairs
+  std::string obstacle, logged;    // why LAMMPS computes the pairs; what the log has last
   bool built = false, per_atom = false;
   int listed = 0;    // atoms with neighbors in the last list of the pair style
   std::vector<PairFunction> of_types, of_sites;    // of types i and j: [i * (ntypes + 1) + j]; of sites: see kernel.h
@@ -170,7 +172,7 @@ class FixPairs : public Fix {
     MPI_Allreduce(MPI_IN_PLACE, &list.broken, 1, MPI_LMP_TAGINT, MPI_MAX, world);
     if (list.broken)
       end_on_all(lmp, problem(this, "molecule " + std::to_string(list.broken) + " is not whole, has grown since the run "
-                                    "began, or is of more than " + std::to_string(MOST_SITES) + " kinds: use this fix for molecules "
+                                    "began, or is of more than " + std::to_string(MOST_SPECIES) + " kinds: use this fix for molecules "
                                     "that are held by fix nosquish, rigid or shake"));
     const size_t n = list.species.size(), types = atom->ntypes + 1;
     of_sites.resize(n * n * MOST_SITES * MOST_SITES);
@@ -184,8 +186,8 @@ class FixPairs : public Fix {
     for (int i = 0; i < atom->nlocal && !neighbor->nex_mol; i++)    // which excludes pairs within molecules: see find_obstacle
       for (int next = 1; next < ids.sites(i) - ids.site(i); next++) {
         const int which = special(i, atom->tag[i] + next), flag = which ? neighbor->special_flag[which] : 1;
-        const int j = flag ? domain->closest_image(i, atom->map(atom->tag[i] + next)) : -1;
-        if (flag) within.push_back({i, j, flag == 2 ? force->special_lj[which] : 1.0, flag == 2 ? force->special_coul[which] : 1.0});
+        if (flag) within.push_back({i, domain->closest_image(i, atom->map(atom->tag[i] + next)),
+                                    flag == 2 ? force->special_lj[which] : 1.0, flag == 2 ? force->special_coul[which] : 1.0});
       }
   }
 

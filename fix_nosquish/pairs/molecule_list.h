@@ -13,6 +13,8 @@
 namespace {
 namespace nosquish {
 
+constexpr size_t MOST_SPECIES = 16;
+
 struct Species {
   int sites;
   std::array<int, MOST_SITES> type;
@@ -80,15 +82,16 @@ class MoleculeList : protected Pointers {
       atoms.resize((size_t) (all + 1) * ids.most_sites);
       rows.resize((size_t) (all + 2) * stride);
       int *its = atoms_of(all);
+      its[0] = i;
       bool whole = true;
-      for (int a = 0; a < ids.sites(i); a++) {
-        const int j = a ? atom->map(atom->tag[i] + a) : i;
-        its[a] = a && j >= 0 ? domain->closest_image(i, j) : i;
+      for (int a = 1; a < ids.sites(i); a++) {
+        const int j = atom->map(atom->tag[i] + a);
+        its[a] = j < 0 ? i : domain->closest_image(i, j);
         whole &= j >= 0;
       }
       const double its_reach = place(atom->x, its, ids.sites(i), row(all));
       whole &= its_reach < ids.reach + 1e-6;
-      if ((!whole && i < atom->nlocal) || species.size() > MOST_SITES) broken = atom->molecule[i];
+      if ((!whole && i < atom->nlocal) || species.size() > MOST_SPECIES) broken = atom->molecule[i];
       if (!whole) continue;
       kind.push_back(species_of(its, ids.sites(i)));
       reach = std::max(reach, its_reach);
@@ -101,10 +104,11 @@ class MoleculeList : protected Pointers {
   {
     Species one = {sites, {}, {}};
     for (int a = 0; a < sites; a++) one.type[a] = atom->type[its[a]], one.charge[a] = atom->q_flag ? atom->q[its[a]] : 0.0;
-    const auto same = [&](const Species &s) { return s.sites == sites && s.type == one.type && s.charge == one.charge; };
-    const int s = (int) (std::find_if(species.begin(), species.end(), same) - species.begin());
-    if (s == (int) species.size()) species.push_back(one);
-    return s;
+    const size_t s = std::find_if(species.begin(), species.end(), [&](const Species &other) {
+      return other.sites == sites && other.type == one.type && other.charge == one.charge;
+    }) - species.begin();
+    if (s == species.size()) species.push_back(one);
+    return (int) s;
   }
 
   // Molecules in order of species and bins, with x as the fastest coordinate, so that a row of bins is a stretch of this order.

@@ -91,7 +91,7 @@ TILTED = "change_box all triclinic xy final 3.0 xz final -2.0 yz final 1.0 remap
 
 
 class Scene(NamedTuple):
-    """The lines behind the data file, what makes it, and lines before it."""
+    """The lines after read_data, what makes the data file, and lines before read_data."""
 
     lines: str
     make: Callable[[Path], None] = water
