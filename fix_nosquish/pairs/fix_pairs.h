@@ -36,37 +36,35 @@ class FixPairs : public Fix {
  public:
   FixPairs(LAMMPS *lmp, int narg, char **arg) : Fix(lmp, narg, arg), ids(lmp), list(lmp, ids)
   {
-    if (narg > 3) end_on_all(lmp, problem(this, "unknown word " + std::string(arg[3]) + ": it has no keywords"), 3);
+    const std::string precision = narg == 5 ? arg[4] : "double";
+    mixed = precision == "mixed";
+    if ((narg != 3 && narg != 5) || (narg == 5 && strcmp(arg[3], "precision")) || (!mixed && precision != "double"))
+      end_on_all(lmp, problem(this, "'precision double' or 'precision mixed' can follow the style, and nothing else"), 3);
     if (igroup) end_on_all(lmp, problem(this, "its group must be 'all'"), 1);
     if (!modify->get_fix_by_style("^nosquish/pairs").empty()) end_on_all(lmp, problem(this, "there is another fix of this style"), 2);
-    comm_reverse = 3;
   }
 
   int setmask() override
   {
-    using namespace FixConst;
-    return POST_NEIGHBOR | PRE_FORCE | PRE_REVERSE | MIN_POST_NEIGHBOR | MIN_PRE_FORCE | MIN_PRE_REVERSE;
+    return FixConst::PRE_FORCE | FixConst::PRE_REVERSE | FixConst::MIN_PRE_FORCE | FixConst::MIN_PRE_REVERSE;
   }
 
   void init() override
   {
     pair = force->pair;
     // no step yet: LAMMPS begins with 0, which would mean that step 0 has energies of each atom
-    built = false, update->eflag_atom = update->vflag_atom = -1;
+    update->eflag_atom = update->vflag_atom = -1;
     obstacle = find_obstacle();
     if (obstacle.empty()) {
       // a rerun begins again with each frame, and has no requests then
       if (const auto request = neighbor->find_request(pair)) request->apply_flags(NeighConst::REQ_OCCASIONAL);
       comm->cutghostuser = std::max(comm->cutghostuser, list.ghost_cutoff(pair->cutforce));
     }
-    const std::string text = obstacle.empty() ? problem(this, "computes pair_style " + std::string(force->pair_style) + "\n")
+    const std::string text = obstacle.empty() ? problem(this, "computes pair_style " + std::string(force->pair_style) + (mixed ? " in mixed precision\n" : "\n"))
                                               : "WARNING: " + problem(this, "LAMMPS computes the pairs: " + obstacle + "\n");
     if (comm->me == 0 && text != std::exchange(logged, text)) utils::logmesg(lmp, text);
   }
 
-  void post_neighbor() override { built = false; }
-  void setup_post_neighbor() override { built = false; }
-  void min_post_neighbor() override { built = false; }
   void setup_pre_force(int vflag) override { pre_force(vflag); }
   void min_pre_force(int vflag) override { pre_force(vflag); }
   void setup_pre_reverse(int eflag, int vflag) override { pre_reverse(eflag, vflag); }
@@ -85,44 +83,32 @@ class FixPairs : public Fix {
   void pre_reverse(int eflag, int vflag) override
   {
     if (!obstacle.empty()) return;
-    if (!built) build();
+    if (neighbor->ago == 0) build();    // LAMMPS has made new lists
     else if (!per_atom) list.update();
     if (per_atom) {
       listed = std::exchange(pair->list->inum, 0);
       return;
     }
     list.forces.assign(list.rows.size(), 0.0);
-    const Energies energies = compute_forces(list, of_sites.data());
+    const Energies energies = mixed ? compute_forces(list, of_sites_rounded.data()) : compute_forces(list, of_sites.data());
     if (eflag) pair->eng_vdwl += energies.lj, pair->eng_coul += energies.coul;
-    if (!force->newton) ghost_forces.assign(3 * (size_t) atom->nghost, 0.0);
+    if (!force->newton && atom->nghost) std::fill_n(atom->f[atom->nlocal], 3 * (size_t) atom->nghost, 0.0);    // these atoms have no forces yet
     double virial[6] = {};
     add_between(virial);
     add_within(eflag, virial);
-    if (!force->newton) comm->reverse_comm(this);
+    if (!force->newton) comm->reverse_comm();
     for (const int k : {0, 1, 2, 3, 4, 5}) pair->virial[k] += vflag & (VIRIAL_PAIR | VIRIAL_FDOTR) ? virial[k] : 0.0;
-  }
-
-  int pack_reverse_comm(int n, int first, double *buffer) override
-  {
-    std::copy_n(&ghost_forces[3 * (size_t) (first - atom->nlocal)], 3 * n, buffer);
-    return 3 * n;
-  }
-
-  void unpack_reverse_comm(int n, int *atoms, double *buffer) override
-  {
-    for (int k = 0; k < n; k++)
-      for (const int d : {0, 1, 2}) force_on(atoms[k])[d] += buffer[3 * k + d];
   }
 
  private:
   MoleculeIds ids;
   MoleculeList list;
   Pair *pair = nullptr;
-  std::string obstacle, logged;    // why LAMMPS computes the pairs; what the log has last
-  bool built = false, per_atom = false;
+  std::string obstacle = "no run has begun", logged;    // why LAMMPS computes the pairs; what the log has last
+  bool mixed, per_atom = false;
   int listed = 0;    // atoms with neighbors in the last list of the pair style
-  std::vector<PairFunction> of_types, of_sites;    // of types i and j: [i * (ntypes + 1) + j]; of sites: see kernel.h
-  std::vector<double> ghost_forces;
+  std::vector<PairFunction<double>> of_types, of_sites;    // of types i and j: [i * (ntypes + 1) + j]; of sites: see kernel.h
+  std::vector<PairFunction<float>> of_sites_rounded;
 
   struct Within {    // two atoms of a molecule whose pair is in LAMMPS's lists, and its factors of special_bonds
     int i, j;
@@ -130,11 +116,9 @@ class FixPairs : public Fix {
   };
   std::vector<Within> within;
 
-  double *force_on(int i) { return i < atom->nlocal || force->newton ? atom->f[i] : &ghost_forces[3 * (size_t) (i - atom->nlocal)]; }
-
   void add_to(int i, const double *x, const double *f, double factor, double *virial)
   {
-    for (const int d : {0, 1, 2}) force_on(i)[d] += factor * f[d], virial[d] += factor * x[d] * f[d];
+    for (const int d : {0, 1, 2}) atom->f[i][d] += factor * f[d], virial[d] += factor * x[d] * f[d];
     virial[3] += factor * x[0] * f[1], virial[4] += factor * x[0] * f[2], virial[5] += factor * x[1] * f[2];
   }
 
@@ -167,7 +151,6 @@ class FixPairs : public Fix {
 
   void build()
   {
-    built = true;
     list.build(pair->cutforce);
     MPI_Allreduce(MPI_IN_PLACE, &list.broken, 1, MPI_LMP_TAGINT, MPI_MAX, world);
     if (list.broken)
@@ -182,6 +165,7 @@ class FixPairs : public Fix {
       of_sites[k] = of_types[s.type[a] * types + t.type[b]];
       of_sites[k].charge *= s.charge[a] * t.charge[b];
     }
+    if (mixed) of_sites_rounded.assign(of_sites.begin(), of_sites.end());
     within.clear();
     for (int i = 0; i < atom->nlocal && !neighbor->nex_mol; i++)    // which excludes pairs within molecules: see find_obstacle
       for (int next = 1; next < ids.sites(i) - ids.site(i); next++) {
@@ -210,6 +194,7 @@ class FixPairs : public Fix {
     if (std::find(std::begin(known), std::end(known), plain) == std::end(known))
       return "pair_style " + style + " is not lj/cut, lj/cut/coul/cut, lj/cut/coul/long or lj/charmm/coul/long";
     if (update->whichflag == 1 && strcmp(update->integrate_style, "verlet") != 0) return "it needs run_style verlet";
+    if (!force->newton && utils::strmatch(atom->atom_style, "^hybrid")) return "it cannot be used with 'newton off' and 'atom_style hybrid'";
     if (!pair->compute_flag || comm->mode != Comm::SINGLE || atom->firstgroupname || neighbor->includegroup)
       return "it cannot be used with 'pair_modify compute no', 'comm_modify mode multi', 'atom_modify first' or 'neigh_modify include'";
     const bool one = neighbor->nex_mol == 1 && neighbor->ex_mol_intra[0] && group->count(neighbor->ex_mol_group[0]) == atom->natoms;
@@ -244,12 +229,12 @@ class FixPairs : public Fix {
     for (int i = 1; i < types; i++)
       for (int j = i; j < types; j++) {
         StyleProbe probe(pair, atom->q_flag ? atom->q : nullptr, i, j);
-        const PairFunction function = probe.function(force->qqrd2e, force->kspace ? force->kspace->g_ewald : 0.0, inner * inner);
+        const PairFunction<double> function = probe.function(force->qqrd2e, force->kspace ? force->kspace->g_ewald : 0.0, inner * inner);
         of_types[i * types + j] = of_types[j * types + i] = function;
-        difference = std::max(difference, probe.difference(function));
+        difference = std::max(difference, mixed ? probe.difference<float>(function) : probe.difference<double>(function));
       }
     pair->ncoultablebits = tables;
-    return difference < 1e-9 ? "" : "its formula differs from that of the pair style by up to 1 in " + std::to_string(1.0 / difference);
+    return difference < (mixed ? 1e-5 : 1e-9) ? "" : "its formula differs from that of the pair style by up to 1 in " + std::to_string(1.0 / difference);
   }
 };
 

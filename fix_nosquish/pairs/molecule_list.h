@@ -50,7 +50,7 @@ class MoleculeList : protected Pointers {
   {
     this->cutoff = cutoff;
     collect();
-    near.resize(all + LANES);
+    near.resize(all + LANES<float>);
     limit = cutoff + neighbor->skin + 2.0 * reach;
     sort_into_bins();
     find_partners();
@@ -68,7 +68,8 @@ class MoleculeList : protected Pointers {
  private:
   const MoleculeIds &ids;
 
-  // Find the atoms of all molecules. Ghost molecules that are not whole are farther than any cutoff: see ghost_cutoff.
+  // Find the atoms of all molecules, but not of those below all owned ones: see find_partners. Ghost molecules that are not whole are
+  // farther than any cutoff: see ghost_cutoff.
 
   void collect()
   {
@@ -77,8 +78,10 @@ class MoleculeList : protected Pointers {
     reach = 0.0;
     kind.clear();
     rows.assign(stride, 0.0);    // the last is no molecule
+    double lowest = atom->nlocal ? atom->x[0][2] : 0.0;
     for (int i = 0; i < atom->nlocal + atom->nghost; i++) {
-      if (ids.site(i)) continue;
+      if (i < atom->nlocal) lowest = std::min(lowest, atom->x[i][2]);
+      if (ids.site(i) || atom->x[i][2] < lowest - 2.1 * ids.reach - 1e-6 * cutoff) continue;
       atoms.resize((size_t) (all + 1) * ids.most_sites);
       rows.resize((size_t) (all + 2) * stride);
       int *its = atoms_of(all);

@@ -18,44 +18,51 @@ using namespace LAMMPS_NS;
 // The Coulomb energy is charge / r up to the squared distance coul2, times erfc(g_ewald r) if g_ewald is not 0. The Lennard-Jones energy is
 // r12 / r^12 - r6 / r^6 - shift up to lj2; it is switched off from inner2 on, if steepness = (lj2 - inner2)^-3 is not 0.
 
-struct PairFunction {
-  double charge, coul2, g_ewald;
-  double r12, r6, shift, lj2, inner2, steepness;
+template <typename Real> struct PairFunction {
+  Real charge, coul2, g_ewald;
+  Real r12, r6, shift, lj2, inner2, steepness;
+
+  operator PairFunction<float>() const
+  {
+    return {(float) charge, (float) coul2, (float) g_ewald, (float) r12, (float) r6, (float) shift, (float) lj2, (float) inner2, (float) steepness};
+  }
 };
 
-struct LaneForces {
-  Lanes over_r, lj, coul;    // the force divided by the distance, and the energies
+template <typename Real> struct LaneForces {
+  Lanes<Real> over_r, lj, coul;    // the force divided by the distance, and the energies
 };
 
 // LAMMPS's approximation of erfc, with an error of 1.5e-7 (Abramowitz and Stegun, Handbook of Mathematical Functions, 7.1.26).
 
-INLINED Lanes erfc_over_exp(Lanes x)
+template <typename Real> INLINED Lanes<Real> erfc_over_exp(Lanes<Real> x)
 {
-  const Lanes t = 1.0 / (1.0 + 0.3275911 * x);
-  return t * (0.254829592 + t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))));
+  const Real p = 0.3275911, a[] = {0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429};
+  const Lanes<Real> t = 1 / (1 + p * x);
+  return t * (a[0] + t * (a[1] + t * (a[2] + t * (a[3] + t * a[4]))));
 }
 
-INLINED LaneForces evaluate(const PairFunction &function, Lanes r2)
+template <typename Real> INLINED LaneForces<Real> evaluate(const PairFunction<Real> &function, Lanes<Real> r2)
 {
-  const Lanes zero = r2 * 0.0, inverse = inverse_sqrt(r2), inverse2 = inverse * inverse;
-  LaneForces pair = {zero, zero, zero};
-  if (function.charge != 0.0) {
-    Lanes energy = function.charge * inverse, force = energy;
-    if (function.g_ewald > 0.0) {
-      const Lanes x = function.g_ewald * r2 * inverse, gauss = exponential(-x * x), screened = erfc_over_exp(x) * gauss;
-      force = energy * (screened + 1.12837917 * x * gauss);    // 2 / sqrt(pi), as LAMMPS rounds it
+  const Lanes<Real> zero = r2 * 0, inverse = inverse_sqrt<Real>(r2), inverse2 = inverse * inverse;
+  LaneForces<Real> pair = {zero, zero, zero};
+  if (function.charge != 0) {
+    Lanes<Real> energy = function.charge * inverse, force = energy;
+    if (function.g_ewald > 0) {
+      const Real two_over_sqrt_pi = 1.12837917;    // as LAMMPS rounds it
+      const Lanes<Real> x = function.g_ewald * r2 * inverse, gauss = exponential<Real>(-x * x), screened = erfc_over_exp<Real>(x) * gauss;
+      force = energy * (screened + two_over_sqrt_pi * x * gauss);
       energy *= screened;
     }
     pair.coul = r2 < function.coul2 ? energy : zero;
     pair.over_r = r2 < function.coul2 ? force * inverse2 : zero;
   }
-  if (function.r12 > 0.0) {
-    const Lanes inverse6 = inverse2 * inverse2 * inverse2;
-    Lanes energy = inverse6 * (function.r12 * inverse6 - function.r6) - function.shift;
-    Lanes force = inverse6 * (12.0 * function.r12 * inverse6 - 6.0 * function.r6);
-    if (function.steepness != 0.0) {
-      const Lanes rest = function.lj2 - r2, beyond = r2 - function.inner2, scaled = rest * function.steepness;
-      const Lanes off = scaled * rest * (rest + 3.0 * beyond), slope = 12.0 * scaled * r2 * beyond;
+  if (function.r12 > 0) {
+    const Lanes<Real> inverse6 = inverse2 * inverse2 * inverse2;
+    Lanes<Real> energy = inverse6 * (function.r12 * inverse6 - function.r6) - function.shift;
+    Lanes<Real> force = inverse6 * (12 * function.r12 * inverse6 - 6 * function.r6);
+    if (function.steepness != 0) {
+      const Lanes<Real> rest = function.lj2 - r2, beyond = r2 - function.inner2, scaled = rest * function.steepness;
+      const Lanes<Real> off = scaled * rest * (rest + 3 * beyond), slope = 12 * scaled * r2 * beyond;
       force = r2 > function.inner2 ? force * off + energy * slope : force;
       energy = r2 > function.inner2 ? energy * off : energy;
     }
@@ -76,13 +83,13 @@ class StyleProbe {
 
   // Of atoms of unit charge; unit_charge is their Coulomb energy at distance 1, inner2 and g_ewald are 0 if there is none.
 
-  PairFunction function(double unit_charge, double g_ewald, double inner2)
+  PairFunction<double> function(double unit_charge, double g_ewald, double inner2)
   {
     // two forces far from each other give both coefficients
     const double near = 1e-4 * cut2, far = 0.1 * cut2, near6 = near * near * near, far6 = far * far * far;
     const double a = force(near, 0.0) * near * near6 * near6, b = force(far, 0.0) * far * far6 * far6;    // 12 r12 - 6 r6 r^6
     const double six = (a - b) / (far6 - near6), twelve = a + six * near6;
-    PairFunction found = {coul2() > 0.0 ? unit_charge : 0.0, std::min(coul2(), cut2), g_ewald, twelve / 12.0, six / 6.0, 0.0, 0.0, inner2, 0.0};
+    PairFunction<double> found = {coul2() > 0.0 ? unit_charge : 0.0, std::min(coul2(), cut2), g_ewald, twelve / 12.0, six / 6.0, 0.0, 0.0, inner2, 0.0};
     found.shift = (found.r12 / far6 - found.r6) / far6 - energy;    // of `far`
     if (std::fabs(found.shift) < 1e-10 * std::fabs(energy)) found.shift = 0.0;
     // the last distance with a force
@@ -98,13 +105,13 @@ class StyleProbe {
 
   // The largest relative difference between this function and the style, for atoms of unit charge.
 
-  double difference(const PairFunction &function)
+  template <typename Real> double difference(const PairFunction<Real> &function)
   {
     double largest = 0.0;
     for (int k = 1; k < 16; k++) {
       const double r2 = cut2 * k / 16.0, r6 = r2 * r2 * r2;
       const double scale = function.charge / std::sqrt(r2) + (std::fabs(function.r6) + std::fabs(function.r12) / r6) / r6 + 1e-100;
-      const LaneForces ours = evaluate(function, Lanes{} + r2);
+      const LaneForces<Real> ours = evaluate<Real>(function, Lanes<Real>{} + (Real) r2);
       const double force = this->force(r2, 1.0);
       largest = std::max({largest, std::fabs(ours.over_r[0] - force) * r2 / scale, std::fabs(ours.lj[0] + ours.coul[0] - energy) / scale});
     }

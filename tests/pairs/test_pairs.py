@@ -152,12 +152,14 @@ def both(run_lammps, tmp_path):
     return run
 
 
-def assert_alike(tables, atoms, tolerance=1e-10):
-    """Energies, pressures and forces, relative to the largest of their kind."""
+def assert_alike(tables, atoms, tolerance=1e-10, of_sums=1):
+    """Energies, pressures and forces, relative to the largest of their kind; in the sums positive
+    and negative numbers cancel, so their tolerance can be larger."""
     plain, ours = tables
     for names in ["E_vdwl"], ["E_coul"], ["PotEng"], TENSOR.replace("p", "P").split():
         one, other = (np.array([table[name] for name in names]) for table in (ours, plain))
-        np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
+        largest = np.abs(other).max()
+        np.testing.assert_allclose(one, other, rtol=0, atol=of_sums * tolerance * largest)
     for columns in slice(1, 4), slice(4, 7):
         one, other = atoms[1][:, columns], atoms[0][:, columns]
         np.testing.assert_allclose(one, other, rtol=0, atol=tolerance * np.abs(other).max())
@@ -172,6 +174,18 @@ def test_same_as_the_style(both, scene, ranks):
     tables, atoms, log = both(SCENES[scene], "run 0", ranks=ranks)
     assert "Fix pairs nosquish/pairs: computes pair_style" in log
     assert_alike(tables, atoms)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_mixed_precision(both, scene, ranks):
+    """Locks out forces with an error above 1e-5, and a word that does nothing."""
+    mixed = PAIRS.replace("pairs\n", "pairs precision mixed\n")
+    tables, atoms, log = both(SCENES[scene], "run 0", fix=mixed, ranks=ranks)
+    assert "in mixed precision" in log
+    assert_alike(tables, atoms, 1e-5, of_sums=10)
+    one, other = atoms[1][:, 4:7], atoms[0][:, 4:7]
+    assert np.abs(one - other).max() > 1e-8 * np.abs(other).max()
 
 
 WARM = "velocity all create 300 5\n"
@@ -285,7 +299,8 @@ def test_leaves_pairs_to_lammps_without_it(both):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("all nosquish/pairs mixed", "unknown word mixed"),
+        ("all nosquish/pairs mixed", "'precision double' or 'precision mixed' can follow"),
+        ("all nosquish/pairs precision single", "'precision double' or 'precision mixed' can"),
         ("some nosquish/pairs", "its group must be 'all'"),
     ],
 )
@@ -324,16 +339,19 @@ def test_arithmetic_of_lanes(tmp_path, level):
         """#include "lanes.h"
 #include <cmath>
 #include <cstdio>
-int main()
+using namespace nosquish;
+template <typename Real> double error(double most)
 {
   double largest = 0.0;
-  for (double x = 1e-6; x < 650.0; x *= 1.01) {
-    const nosquish::Lanes lanes = nosquish::Lanes{} + x;
-    largest = std::fmax(largest, std::fabs(nosquish::inverse_sqrt(lanes)[7] * std::sqrt(x) - 1.0));
-    largest = std::fmax(largest, std::fabs(nosquish::exponential(-lanes)[3] / std::exp(-x) - 1.0));
+  for (Real x = 1e-6; x < most; x *= 1.01) {
+    const Lanes<Real> lanes = Lanes<Real>{} + x;
+    const double root = inverse_sqrt<Real>(lanes)[7], power = exponential<Real>(-lanes)[3];
+    largest = std::fmax(largest, std::fabs(root * std::sqrt((double) x) - 1.0));
+    largest = std::fmax(largest, std::fabs(power / std::exp(-(double) x) - 1.0));
   }
-  printf("%g", largest);
+  return largest;
 }
+int main() { printf("%g %g", error<double>(650.0), error<float>(70.0)); }
 """
     )
     command = [
@@ -348,4 +366,6 @@ int main()
     done = subprocess.run([tmp_path / "lanes"], capture_output=True, text=True)
     if done.returncode < 0:  # by a signal
         pytest.skip(f"this processor has no {level}")
-    assert float(done.stdout) < 2e-14
+    double, single = map(float, done.stdout.split())
+    assert double < 2e-14
+    assert single < 5e-7
