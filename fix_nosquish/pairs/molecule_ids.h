@@ -66,6 +66,8 @@ class MoleculeIds : protected Pointers {
     if (*reduce(&other, 1, MPI_MAX))
       return "a molecule has more than " + std::to_string(MOST_SITES) + " atoms, or its atoms do not have consecutive IDs";
     measure();
+    for (const int d : {0, 1, 2})
+      if (domain->periodicity[d] && reach > 0.4 * domain->prd[d]) return "a molecule is so long that it can touch its own image";
     return "";
   }
 

@@ -74,8 +74,7 @@ class MoleculeList : protected Pointers {
   void collect()
   {
     stride = 3 * (ids.most_sites + 1);
-    broken = owned = all = 0;
-    reach = 0.0;
+    reach = broken = owned = all = 0;
     kind.clear();
     rows.assign(stride, 0.0);    // the last is no molecule
     double lowest = atom->nlocal ? atom->x[0][2] : 0.0;

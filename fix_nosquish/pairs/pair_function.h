@@ -103,19 +103,21 @@ class StyleProbe {
     return found;
   }
 
-  // The largest relative difference between this function and the style, for atoms of unit charge.
+  // The mean relative difference between this function and the style, for atoms of unit charge and of none.
 
-  template <typename Real> double difference(const PairFunction<Real> &function)
+  template <typename Real> double difference(PairFunction<Real> function)
   {
-    double largest = 0.0;
-    for (int k = 1; k < 16; k++) {
-      const double r2 = cut2 * k / 16.0, r6 = r2 * r2 * r2;
-      const double scale = function.charge / std::sqrt(r2) + (std::fabs(function.r6) + std::fabs(function.r12) / r6) / r6 + 1e-100;
-      const LaneForces<Real> ours = evaluate<Real>(function, Lanes<Real>{} + (Real) r2);
-      const double force = this->force(r2, 1.0);
-      largest = std::max({largest, std::fabs(ours.over_r[0] - force) * r2 / scale, std::fabs(ours.lj[0] + ours.coul[0] - energy) / scale});
+    double total = 0.0;
+    for (const double charge : {1.0, 0.0}) {
+      function.charge *= charge;
+      for (int k = 1; k < 16; k++) {
+        const double r2 = cut2 * k / 16.0, force = this->force(r2, charge);
+        const LaneForces<Real> ours = evaluate<Real>(function, Lanes<Real>{} + (Real) r2);
+        const double scale = std::fabs(force * r2) + std::fabs(energy) + 1e-100;
+        total += (std::fabs(ours.over_r[0] - force) * r2 + std::fabs(ours.lj[0] + ours.coul[0] - energy)) / scale / 30.0;
+      }
     }
-    return largest;
+    return total;
   }
 
  private:

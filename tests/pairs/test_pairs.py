@@ -87,6 +87,7 @@ BONDS = "bond_style zero\nbond_coeff * 0.9572\nangle_style zero\nangle_coeff * 1
 SPECIAL = BONDS + "special_bonds lj/coul 0 0 0\n"
 FACTORS = BONDS + "special_bonds lj/coul 0 0.4 0\n"
 APART = "neigh_modify exclude molecule/intra all\n"
+MOVED = "change_box all x final {0} {1} y final {0} {1} z final {0} {1}"
 TILTED = "change_box all triclinic xy final 3.0 xz final -2.0 yz final 1.0 remap units box\n"
 
 
@@ -123,6 +124,14 @@ SCENES = {
         f"pair_style lj/cut/coul/long 10.0\n{LONG}{APART}", lambda path: water(path, 3)
     ),
     "newton off": Scene(f"pair_style lj/cut/coul/long 6.0\n{LONG}{SPECIAL}", before="newton off"),
+    "one octant": Scene(
+        f"{MOVED.format(0, 60)}\npair_style lj/cut/coul/cut 6.0\n{LJ}{SPECIAL}",
+        lambda path: water(path, 8),
+        "newton off",
+    ),
+    "far away": Scene(
+        f"{MOVED.format(2000, 2000 + 4 * EDGE)} remap\npair_style lj/cut/coul/cut 6.0\n{LJ}{APART}"
+    ),
     "triclinic": Scene(
         f"{TILTED}pair_style lj/cut/coul/long 6.0\n{LONG}kspace_style ewald 1e-4\n{APART}"
     ),
@@ -186,6 +195,37 @@ def test_mixed_precision(both, scene, ranks):
     assert_alike(tables, atoms, 1e-5, of_sums=10)
     one, other = atoms[1][:, 4:7], atoms[0][:, 4:7]
     assert np.abs(one - other).max() > 1e-8 * np.abs(other).max()
+
+
+@pytest.mark.parametrize("energy", [1e-60, 1e60])
+def test_mixed_precision_is_not_enough(both, energy):
+    """Locks out coefficients that are 0 or infinite in single precision."""
+    mixed = PAIRS.replace("pairs\n", "pairs precision mixed\n")
+    scene = Scene(f"pair_style lj/cut 6.0\npair_coeff * * {energy} 0.5\n{SPECIAL}")
+    tables, atoms, log = both(scene, "run 0", fix=mixed)
+    assert "LAMMPS computes the pairs: its results differ" in log
+    assert_alike(tables, atoms, 1e-15)
+
+
+def test_lists_of_steps_with_energies_of_each_atom(both, tmp_path):
+    """Locks out a list that is made while two atoms are far from each other, and used again after
+    they have come within the cutoff."""
+    scene = Scene(
+        f"pair_style lj/cut 6.0\n{LJ}neighbor 2.0 bin\nneigh_modify every 1 delay 0 check yes\n",
+        lambda path: data(
+            path, np.array([[[1.0, 5, 5]], [[8.2, 5, 5]]]), 30.0, [1], [0.0], MASSES[:2]
+        ),
+    )
+    moves = (
+        "reset_timestep 10\ntimestep 1.0\ngroup left id 1\ngroup right id 2\n"
+        "fix 1 left move wiggle -0.99 0 0 80\nfix 2 right move wiggle 0.99 0 0 80\n"
+        f"compute e all pe/atom pair\ndump 1 all custom 40 {tmp_path / 'energies'} c_e\n"
+        "thermo 40\nrun 70\nundump 1"
+    )
+    tables, atoms, log = both(scene, moves)
+    assert set(re.findall(r"builds = (\d+)", log)) == {"0"}
+    assert tables[0]["E_vdwl"][-1] < 0
+    assert_alike(tables, atoms, 1e-15)
 
 
 WARM = "velocity all create 300 5\n"
@@ -269,6 +309,7 @@ LEFT = {
     "exclude": ("neigh_modify exclude type 1 1\n", "'neigh_modify exclude' excludes other pairs"),
     "molecule 0": ("set atom 1 mol 0\n", "atoms have molecule-ID 0"),
     "not consecutive": ("set atom 1 mol 2\nset atom 4 mol 1\n", SIZE),
+    "long": ("set atom 1*6 mol 1\n", "a molecule is so long"),
     "large": ("set group all mol 1\n", SIZE),
     "respa": ("run_style respa 2 2 pair 1 kspace 2\n", "it needs run_style verlet"),
     "multi": ("neighbor 1.0 multi\ncomm_modify mode multi\n", NOT_WITH),
