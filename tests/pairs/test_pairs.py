@@ -23,6 +23,7 @@ CHARGES = [-0.834, 0.417, 0.417]
 MASSES = [15.9994, 1.008, 12.0]
 EDGE = 3.104  # of a cube with one molecule of water
 PAIRS = "fix pairs all nosquish/pairs\n"
+MIXED = "fix pairs all nosquish/pairs precision mixed\n"
 TENSOR = "pxx pyy pzz pxy pxz pyz"
 THERMO = (
     f"thermo_style custom step evdwl ecoul pe {TENSOR}\nthermo_modify format float %.17g norm no\n"
@@ -189,8 +190,7 @@ def test_same_as_the_style(both, scene, ranks):
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_mixed_precision(both, scene, ranks):
     """Locks out forces with an error above 1e-5, and a word that does nothing."""
-    mixed = PAIRS.replace("pairs\n", "pairs precision mixed\n")
-    tables, atoms, log = both(SCENES[scene], "run 0", fix=mixed, ranks=ranks)
+    tables, atoms, log = both(SCENES[scene], "run 0", fix=MIXED, ranks=ranks)
     assert "in mixed precision" in log
     assert_alike(tables, atoms, 1e-5, of_sums=10)
     one, other = atoms[1][:, 4:7], atoms[0][:, 4:7]
@@ -200,9 +200,8 @@ def test_mixed_precision(both, scene, ranks):
 @pytest.mark.parametrize("energy", [1e-60, 1e60])
 def test_mixed_precision_is_not_enough(both, energy):
     """Locks out coefficients that are 0 or infinite in single precision."""
-    mixed = PAIRS.replace("pairs\n", "pairs precision mixed\n")
     scene = Scene(f"pair_style lj/cut 6.0\npair_coeff * * {energy} 0.5\n{SPECIAL}")
-    tables, atoms, log = both(scene, "run 0", fix=mixed)
+    tables, atoms, log = both(scene, "run 0", fix=MIXED)
     assert "LAMMPS computes the pairs: its results differ" in log
     assert_alike(tables, atoms, 1e-15)
 
