@@ -3,12 +3,13 @@
     python compare.py FILE FOLDER [STARTS]
 
 FILE has a section [commands] with lines LABEL = COMMAND, in which {seed} differs from start to
-start, and may have one [averages] with lines TITLE = COLUMN, of LAMMPS's log.  Commands run in
-turn, so other load on the machine affects all alike.  LAMMPS's speed is that by CPU time, GROMACS's
-by wall time.  summary.json in FOLDER has speeds, also relative to the first command, and averages,
-with errors from the fluctuations in each run and the scatter of starts.  Runs whose complete log is
-in FOLDER, or which an earlier summary.json there has, are not repeated, so more starts can be added
-later.  Needs this package with the extra `validation`.
+start, and may have one [averages] with lines TITLE = COLUMN, of LAMMPS's log, or
+TITLE = time COLUMN for its correlation time in ps.  Commands run in turn, so other load on the
+machine affects all alike.  LAMMPS's speed is that by CPU time, GROMACS's by wall time.
+summary.json in FOLDER has speeds, also relative to the first command, and averages, with errors
+from the fluctuations in each run and the scatter of starts.  Runs whose complete log is in FOLDER,
+or which an earlier summary.json there has, are not repeated, so more starts can be added later.
+Needs this package with the extra `validation`.
 """
 
 import json
@@ -40,17 +41,29 @@ def speed(text):
     if gromacs := re.findall(r"^Performance: +(\S+) +\S+$", text, re.M):
         return float(gromacs[-1])
     loop = lammps_log.timings(text)[-1]
-    dt = float(re.findall(r"^timestep +([\d.]+)", text, re.M)[-1])
-    return 0.0864 * dt * loop.steps / (loop.seconds * loop.cpu / 100)
+    return 0.0864 * time_step(text) * loop.steps / (loop.seconds * loop.cpu / 100)
+
+
+def time_step(text):
+    """The last time step of LAMMPS's log, fs."""
+    return float(re.findall(r"^timestep +([\d.]+)", text, re.M)[-1])
 
 
 def means(text, columns):
-    """Averages of a log's last run, by title."""
+    """Averages, or correlation times, of a log's last run, by title."""
     if not columns:
         return {}
     rows, loop = lammps_log.thermo(text), lammps_log.timings(text)[-1]
     late = rows["Step"] > rows["Step"][-1] - loop.steps
-    return {title: measures.mean(rows[name][late]) for title, name in columns.items()}
+    # an independent sample is two correlation times from the next
+    half = time_step(text) / 1000 * (rows["Step"][-1] - rows["Step"][-2]) / 2
+
+    def estimate(words):
+        *time, name = words.split()
+        x = rows[name][late]
+        return measures.autocorrelation(x).times(half) if time else measures.mean(x)
+
+    return {title: estimate(words) for title, words in columns.items()}
 
 
 def main(file, folder, starts=1):

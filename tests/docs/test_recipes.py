@@ -287,7 +287,7 @@ def test_dipeptide_commands(run_lammps, tmp_path, label):
     text = (FOLDER / "peptide" / words[2]).read_text() + DUMP
     rows = lammps_log.thermo(run_lammps(text, options=[*words[3:], *SHORT_RUN, "0.6"]).log)
     for column in DIPEPTIDE["averages"].values():
-        assert np.isfinite(rows[column][-3:]).all()
+        assert np.isfinite(rows[column.removeprefix("time ")][-3:]).all()
     assert rows["Density"][-4] == pytest.approx(1.022, abs=0.02)  # where the averages begin
     assert rows["c_size"][-1] == pytest.approx(2.37, abs=0.1)
     assert rows["c_water"][-3:].mean() == pytest.approx(300, abs=40)
@@ -372,7 +372,8 @@ MDRUN_LOG = (
 
 def test_comparison_of_commands(tmp_path):
     """Locks out speeds and averages of another run than the last, speeds by wall time of LAMMPS or
-    relative to another command, starts that are all the same, and a complete run that is repeated.
+    relative to another command, correlation times in steps or samples, starts that are all the
+    same, and a complete run that is repeated.
 
     By hand: 100 steps of 2 fs in 5 s at half a core are 0.0864 2 100 / 2.5 = 6.912 ns/day.
     """
@@ -389,7 +390,8 @@ def test_comparison_of_commands(tmp_path):
     for name in "gmx", "lmp":
         (tmp_path / name).chmod(0o755)
     commands = "[commands]\nusual, 2 fs = lmp 2.0 {seed}\nours, 4 fs = lmp 4.0 1\n"
-    (tmp_path / "both").write_text(f"{commands}[averages]\ndensity, g/cm³ = Density\n")
+    averages = "density, g/cm³ = Density\nits time, ps = time Density\n"
+    (tmp_path / "both").write_text(f"{commands}[averages]\n{averages}")
     (tmp_path / "other").write_text("[commands]\nGROMACS = gmx mdrun\n")
     own = os.environ | {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
     told = {}
@@ -405,4 +407,7 @@ def test_comparison_of_commands(tmp_path):
     assert told["ours, 4 fs"]["times"]["median"] == pytest.approx(2.0)
     assert told["usual, 2 fs"]["means"]["density, g/cm³"]["value"] == 4928.5
     assert told["ours, 4 fs"]["means"]["density, g/cm³"]["value"] == 1.0
+    # two equal samples, as if independent, 50 steps apart
+    assert told["usual, 2 fs"]["means"]["its time, ps"]["value"] == pytest.approx(0.05)
+    assert told["ours, 4 fs"]["means"]["its time, ps"]["value"] == pytest.approx(0.1)
     assert told["GROMACS"]["speed"]["median"] == 27.648
