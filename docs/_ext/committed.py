@@ -36,6 +36,11 @@ SPENT = "CPU time median (s/ns)"
 NBSP = "\N{NO-BREAK SPACE}"
 PM = f"{NBSP}±{NBSP}"
 ENDS = "low", "high"
+DENSITY = "density, g/cm³"
+AT_PRESSURE = (  # systems of the README, results and commands
+    ("water, NPT averages", "density", "water/density.ini"),
+    ("solute with fix shake, NPT", "solute", "recipes/solute/compare.ini"),
+)
 
 
 # ---- reading
@@ -426,24 +431,30 @@ def what_to_type(*keys):
     """What to type instead of the usual lines, with the columns of these keys, by speed-up."""
     folders = sorted(path.parent.name for path in RESULTS.glob("*/summary.json"))
     usual = replacements.table(map(summary, folders))
-    rows = [*usual.rows, _beside_solute()]
+    rows = [*usual.rows, *(_of_recipe(*words) for words in AT_PRESSURE)]
     rows.sort(key=lambda row: float(row["times"].split()[0]), reverse=True)
     return styled(pages.markdown(replace(usual, rows=rows), keys))
 
 
-def _beside_solute():
-    """The row of a solute whose bonds shake constrains: the script's own line and step."""
-    rows = recipe("solute")["rows"]
-    script = (ROOT / "inputs" / "recipes" / "solute" / "in.solute").read_text()
-    lines = re.findall(r"^(?:timestep|fix +1 .*npt) .*$", script, re.M)
-    usual, ours = rows
+def _of_recipe(system, name, file):
+    """The row of the last of a recipe's commands, beside the first."""
+    usual, *_, ours = recipe(name)["rows"]
+    path = ROOT / "inputs" / file
+    (command,) = re.findall(rf"^{re.escape(ours['label'])} = (.*)$", path.read_text(), re.M)
+    words = shlex.split(command.replace("{seed}", "4928"))
+    given = {words[at + 1]: words[at + 2] for at, word in enumerate(words) if word == "-var"}
+    script = (path.parent / words[words.index("-in") + 1]).read_text()
+    told = re.sub(r"\$\{(\w+)\}", lambda match: given.get(match[1], match[0]), script)
+    lines = re.findall(r'fix +1 .*nosquish/npt [^"\n]*|^timestep .*', told, re.M)
+    densities = [estimate(row["means"][DENSITY]) for row in (usual, ours) if row["means"]]
     return {
-        "system": "solute with fix shake, NPT",
+        "system": system,
         "usual": usual["label"],
-        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in rows),
+        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in (usual, ours)),
         "times": pages.digits(ours["times"]["median"], 2),
-        **dict.fromkeys(("warmer", "pressure"), replacements.NONE),
-        "lines": [" ".join(line.split()) for line in reversed(lines)],
+        "warmer": replacements.NONE,
+        "pressure": f"density {' → '.join(densities)} g/cm³" if densities else replacements.NONE,
+        "lines": [" ".join(line.split()) for line in sorted(lines)],
     }
 
 

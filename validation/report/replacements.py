@@ -26,10 +26,9 @@ NOTE = (
     "can be smaller, because noise counts, too. "
     "Rows were measured on different machines, so compare speeds within a row only. "
     "The energy error is the change of temperature that would shift the mean potential energy as "
-    "much. At constant pressure (NPT) the last column has the density. "
-    '"Averages" are energies, pressure and structure: a damping time of 50 fs and larger moments '
-    "of inertia (keyword moments) slow down the motion. For diffusion and spectra use the line "
-    "for dynamics."
+    'much. "Averages" are energies, pressure and structure: a damping time of 50 fs and larger '
+    "moments of inertia (keyword moments) slow down the motion. For diffusion and spectra use the "
+    "line for dynamics."
 )
 NONE = "not measured"
 
@@ -46,7 +45,6 @@ class Swap(NamedTuple):
 SWAPS = (
     Swap("water, averages", "water", ("shake+langevin", 2.0), ("langevin-20-equal-6", 12.0)),
     Swap("water, dynamics", "water", ("rigid/nvt/small", 4.0), ("csvr", 4.0)),
-    Swap("water, NPT", "pressure", ("shake+npt", 2.0), ("npt-langevin", 6.0)),
     Swap("CO₂", "co2", ("rigid/nvt/small", 14.0), ("nh", 14.0)),
     Swap("benzene", "benzene", ("rigid/nvt/small", 14.0), ("nh", 14.0)),
     Swap("peptide in water, averages", "peptide", ("shake+langevin", 2.0), ("langevin-20", 4.0)),
@@ -83,19 +81,18 @@ def _sampled(system, usual, ours, summary):
         "speed": " → ".join(digits(PER_DAY / cost) for cost in costs),
         "times": digits(costs[0] / costs[1], 2),
         "warmer": _changes(*(warmer(row["biases"], summary["limits"]) for row in both)),
-        "pressure": _changes(*map(_pressed, both), density="density" in ours.get("means", {})),
+        "pressure": _changes(*map(_pressed, both)),
     }
 
 
-def _changes(*estimates, density=False):
+def _changes(*estimates):
     """The estimates before and now, as text."""
-    form = "density {} g/cm³" if density else "{}"
-    return form.format(" → ".join(one.text() for one in estimates)) if all(estimates) else NONE
+    return " → ".join(one.text() for one in estimates) if all(estimates) else NONE
 
 
 def _pressed(row):
-    """The density at constant pressure, otherwise the error of the pressure."""
-    known = row.get("means", {}).get("density") or row["biases"].get("pressure")
+    """The error of the pressure, if it was measured."""
+    known = row["biases"].get("pressure")
     return known and Estimate.of(known)
 
 
