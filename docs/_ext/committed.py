@@ -450,7 +450,6 @@ def _of_recipe(system, name, file):
     return {
         "system": system,
         "usual": usual["label"],
-        "speed": " → ".join(pages.digits(row["speed"]["median"]) for row in (usual, ours)),
         "times": pages.digits(ours["times"]["median"], 2),
         "warmer": replacements.NONE,
         "pressure": f"density {' → '.join(densities)} g/cm³" if densities else replacements.NONE,
